@@ -15,7 +15,7 @@ def chain_of(points: Floats, sigma: float | None = None, closed: bool = True) ->
     ways = np.zeros(m if closed else m - 1, dtype=np.bool_)
     ends = np.stack([np.arange(m)] * 2, axis=1).astype(np.int32)
     known = np.full(m, np.nan if sigma is None else sigma)
-    return Chain(points, closed, ways, known, np.zeros(m), ends, np.tile([1.0, 0.0], (m, 1)))
+    return Chain(points, closed, ways, known, np.zeros((m, 2)), ends, np.tile([1.0, 0.0], (m, 1)))
 
 
 def along(corners: Floats, step: float) -> Floats:
@@ -76,3 +76,18 @@ def wall(outline: Floats, heights: Floats, sigma: float | None, seed: int = 0) -
     if sigma is not None:
         known = Provenance(np.full(m * k, sigma), none, none, none, ("laser",))
     return Mesh(vertices, np.concatenate(rows).astype(np.int32), known)
+
+
+def seen_from_the_axis(corners: Floats, steps: int, phase: float) -> Floats:
+    """(steps, 2) where the stripes of a turn meet a convex polygon (k, 2) about the axis.
+
+    The first lies ``phase`` of a step from x.
+    """
+    turn = 2 * np.pi * (np.arange(steps) + phase) / steps
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    side = np.roll(corners, -1, axis=0) - corners
+    out = np.stack([side[:, 1], -side[:, 0]], axis=1)
+    far = np.einsum("ij,ij->i", corners, out)
+    with np.errstate(divide="ignore"):
+        reach = far / np.maximum(way @ out.T, 0.0)
+    return way * reach.min(axis=1)[:, None]

@@ -124,6 +124,30 @@ def test_a_filled_gap_is_as_uncertain_as_its_filling_is_wrong(how: FillHow, high
     assert shapes.volume_sigma(whole).filled == 0.0
 
 
+@pytest.mark.parametrize("how", ["flat", "tangent"])
+@pytest.mark.parametrize("high", [14.0, 16.0, 18.5])
+def test_so_is_its_area(how: FillHow, high: float) -> None:
+    whole = ball(n=80)
+    gone = whole.triangles[..., 2].min(axis=1) > high
+    done = fill(submesh(whole, ~gone), how=how)
+    zero = np.zeros(len(done.vertices), np.int32)
+    sigma = np.full(len(zero), 1e-4)
+    known = replace(done, provenance=Provenance(sigma, zero, zero, zero, ("left",)))
+    wrong, said = abs(done.area_of() - whole.area_of()), shapes.area_base(done).filled
+    assert wrong < 2 * said, "not surer than it may be"
+    assert said < 4 * wrong, "and not so wide that it says nothing"
+    assert said <= shapes.area(known).sigma < 1.2 * said
+    below = done.triangles[..., 2].max(axis=1) < high - 5.0
+    assert shapes.area_base(done, below).filled == 0.0
+    assert shapes.area(known, below).sigma < 0.2 * said
+
+
+def test_the_area_of_a_lid_misses_a_sample_of_the_wall() -> None:
+    closed = fill(tube(), how="auto")
+    both = 2 * 2 * np.pi * 20.0 * 40 / 29
+    assert shapes.area_base(closed).filled == pytest.approx(both, rel=0.1)
+
+
 def test_the_measured_and_the_added_part_are_told_apart() -> None:
     """A cap of height h over its border's plane: π h² (3R − h)/3."""
     whole = ball(n=80)

@@ -96,6 +96,7 @@ def _outline(outline: Outline) -> dict[str, Any]:
         "box_sigma_mm": [_numbers(row) for row in outline.box_sigma],
         "pieces": [_piece(p) for p in outline.pieces],
         "sizes": [_size(s) for s in outline.sizes],
+        "lines_without_sizes": outline.chords,
     }
 
 

@@ -174,7 +174,7 @@ def _foot(
         Stroke(np.array([[left, top], [right, top]]), "frame"),
         Text(np.array([left + 4, top + 7]), f"{title}, {_called(section)}", 4.0),
         Text(np.array([left + 4, top + 12.5]), _words(section), 2.3),
-        Text(np.array([left + 4, top + 17]), _left_out(marks), 2.3),
+        Text(np.array([left + 4, top + 17]), _left_out(section, marks), 2.3),
         Text(np.array([right - 62, top + 7]), f"scale {ratio}   {number}", 3.0),
     ]
     long = 50.0 / scale
@@ -226,9 +226,10 @@ def counts(section: FittedSection) -> dict[str, int]:
     }
 
 
-def _left_out(marks: Marks) -> str:
+def _left_out(section: FittedSection, marks: Marks) -> str:
     if marks.dimensions or not marks.notes:
         text = "grey: measured, black: fitted, orange: filled, not measured"
     else:
         text = "lines of equal radius as measured, orange: filled, not measured"
-    return f"{text}; {marks.left_out} more sizes in the JSON report" if marks.left_out else text
+    text = f"{text}; {marks.left_out} more sizes in the JSON report" if marks.left_out else text
+    return "; ".join(filter(None, [text, section.unstated]))

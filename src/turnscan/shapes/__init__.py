@@ -1,6 +1,5 @@
 """Mesh and points → planes and other primitives, with residuals and uncertainty; deviations."""
 
-from turnscan.shapes._area import smooth_normals
 from turnscan.shapes._deviation import Deviation, deviation
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Sphere
@@ -8,6 +7,7 @@ from turnscan.shapes._measure import (
     Measured,
     Spot,
     area,
+    area_base,
     corner_angle,
     distance,
     measured_points,
@@ -51,6 +51,7 @@ __all__ = [
     "Spot",
     "View",
     "area",
+    "area_base",
     "calibration_moves",
     "corner_angle",
     "cross_section",
@@ -72,7 +73,6 @@ __all__ = [
     "planes_angle",
     "region_diameter",
     "section_diameter",
-    "smooth_normals",
     "to_plane",
     "volume",
     "volume_figures",

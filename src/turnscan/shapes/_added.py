@@ -1,8 +1,10 @@
-"""The part of a volume that fillings hold: how much it is, and how well it is known."""
+"""The part of a volume, or of an area, that fillings hold, and how well it is known."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,11 +12,13 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh import (
     Mesh,
     components,
+    half_edges,
     measured_vertices,
     smoothed_normals,
     submesh,
     vertex_normals,
 )
+from turnscan.shapes._area import face_vectors
 
 _EDGE = float(np.cos(np.radians(60.0)))
 """Along most of the border of a lid the surface stands steeper than this on it."""
@@ -30,6 +34,8 @@ _CREASE = float(np.cos(np.radians(25.0)))
 _FLAT, _SMOOTH = 0.6, 0.15
 """Of the doubt, what a flat filling and one in the tangent planes of its border are wrong by: on
 balls, cones, cups and the outside of tori 30 to 80 % and up to 20 %."""
+_STEEPEST = float(np.radians(60.0))
+"""A cap that slopes more at its border is not known to be one."""
 _GOES_ON = (0.35, 0.6)
 """A filling goes on in the tangent planes where it leaves its border at less than this part of the
 angle at which a flat one does; from the second figure on it is a flat one."""
@@ -62,30 +68,74 @@ def added_part(mesh: Mesh) -> Added:
     known = measured_vertices(mesh)
     if not known.any():
         return Added(0.0, abs(mesh.volume))
-    t = mesh.triangles
-    area = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 2
     normals = _border_normals(mesh, known, real)
-    doubt = np.zeros(len(t))
+    area, _ = face_vectors(mesh)
+    doubt = np.zeros(len(area))
     doubt[~real] = _doubt(mesh, known, normals, area[~real])
-    faces = np.flatnonzero(~real).astype(np.int32)
-    patch = components(submesh(mesh, ~real))
     volume = sigma = 0.0
-    for mine in np.split(
-        faces[np.argsort(patch, kind="stable")], np.cumsum(np.bincount(patch))[:-1]
-    ):
-        border = np.unique(mesh.faces[mine])
-        border = border[known[border]]
-        if not len(border):
-            continue
-        from_middle = t[mine] - mesh.vertices[border].mean(axis=0)
+    for mine, border in _fillings(mesh, known, real):
+        from_middle = mesh.triangles[mine] - mesh.vertices[border].mean(axis=0)
         across = np.cross(from_middle[:, 1], from_middle[:, 2])
         volume += float(np.einsum("ij,ij->", from_middle[:, 0], across)) / 6
-        share = _share(mesh, mine, border, area[mine], normals)
-        if share is None:
+        lean = _lean(mesh, mine, border, area[mine], normals)
+        if lean.share is None:
             sigma += float(np.linalg.norm(area[mine].sum(axis=0))) * _sample(mesh, real, border)
         else:
-            sigma += share * float(doubt[mine].sum())
+            sigma += lean.share * float(doubt[mine].sum())
     return Added(volume, sigma)
+
+
+def filled_area_sigma(mesh: Mesh, faces: Bools | None = None) -> float:
+    """mm²: how well the area of the fillings among the faces (f,), or among all, is known.
+
+    A cap of a ball over a border where it slopes by β holds tan² β/4 more than the disc of the
+    border: by as much a flat filling is doubted, and one that goes on in the tangent planes by as
+    much less as its volume is. A lid may lie a sample too low: the wall between is not there. Of a
+    filling that wraps round an unseen side, all is doubted. They add up with their signs unknown.
+    """
+    real = mesh.measured
+    chosen = np.ones(len(mesh.faces), dtype=np.bool_) if faces is None else faces
+    if real is None or real[chosen].all():
+        return 0.0
+    known = measured_vertices(mesh)
+    area, size = face_vectors(mesh)
+    if not known.any():
+        return float(size[chosen].sum())
+    normals = _border_normals(mesh, known, real)
+    sigma = 0.0
+    for mine, border in _fillings(mesh, known, real):
+        some = float(size[mine[chosen[mine]]].sum())
+        if not some:
+            continue
+        whole = float(size[mine].sum())
+        lean = _lean(mesh, mine, border, area[mine], normals)
+        if lean.share is None:
+            doubt = _rim(mesh, mine) * _sample(mesh, real, border)
+        elif lean.share == 1.0:
+            doubt = whole
+        else:
+            slope = np.tan(min(lean.beta, _STEEPEST))
+            doubt = whole * lean.share / _FLAT * float(slope**2) / 4
+        sigma += doubt * some / whole
+    return sigma
+
+
+def _fillings(mesh: Mesh, known: Bools, real: Bools) -> Iterator[tuple[Ints, Ints]]:
+    """The faces of each patch that was not measured, and the measured vertices of its border."""
+    faces = np.flatnonzero(~real).astype(np.int32)
+    patch = components(submesh(mesh, ~real))
+    ends = np.cumsum(np.bincount(patch))[:-1]
+    for mine in np.split(faces[np.argsort(patch, kind="stable")], ends):
+        border = np.unique(mesh.faces[mine])
+        border = border[known[border]]
+        if len(border):
+            yield mine, border
+
+
+def _rim(mesh: Mesh, mine: Ints) -> float:
+    """mm: the length of the border of some faces."""
+    a, b = half_edges(mesh.faces[mine])
+    return float(np.linalg.norm(mesh.vertices[b] - mesh.vertices[a], axis=1).sum())
 
 
 def _sample(mesh: Mesh, real: Bools, border: Ints) -> float:
@@ -141,24 +191,32 @@ def _doubt(mesh: Mesh, known: Bools, normals: Floats, area: Floats) -> Floats:
     return np.asarray(np.linalg.norm(area, axis=1) * np.abs(away))
 
 
-def _share(mesh: Mesh, mine: Ints, border: Ints, area: Floats, normals: Floats) -> float | None:
-    """How much of its doubt a patch deserves, most for a flat filling; None for a lid."""
+class _Lean(NamedTuple):
+    """How a patch stands to the surface about it."""
+
+    share: float | None
+    """How much of its doubt it deserves, most for a flat filling; None for a lid."""
+    beta: float
+    """rad: how much the surface about it slopes against it, rms along its border."""
+
+
+def _lean(mesh: Mesh, mine: Ints, border: Ints, area: Floats, normals: Floats) -> _Lean:
     over = area.sum(axis=0)
     size = float(np.linalg.norm(over))
     flatness = size / max(float(np.linalg.norm(area, axis=1).sum()), 1e-300)
     beta = np.arccos(np.clip(normals[border] @ over / max(size, 1e-300), -1, 1))
     one_way = flatness > _RING
     steep = bool((np.cos(beta) < _EDGE).mean() > 0.5)
+    flat = float(np.sqrt(np.mean(beta**2))) if one_way else 1.0
     if flatness > _LID and steep:
-        return None
+        return _Lean(None, flat)
     if flatness < _WRAPS and steep:
-        return 1.0
+        return _Lean(1.0, flat)
     on = np.isin(mesh.faces[mine], border)
     face, corner = np.nonzero(on)
     n = area[face] / np.maximum(np.linalg.norm(area[face], axis=1), 1e-300)[:, None]
     turn = np.einsum("ij,ij->i", n, normals[mesh.faces[mine][face, corner]])
     gamma = float(np.sqrt(np.mean(np.arccos(np.clip(turn, -1, 1)) ** 2)))
-    flat = float(np.sqrt(np.mean(beta**2))) if one_way else 1.0
     low, high = _GOES_ON
     part = (gamma / max(flat, 1e-3) - low) / (high - low)
-    return _SMOOTH + (_FLAT - _SMOOTH) * float(np.clip(part, 0.0, 1.0))
+    return _Lean(_SMOOTH + (_FLAT - _SMOOTH) * float(np.clip(part, 0.0, 1.0)), flat)

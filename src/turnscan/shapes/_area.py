@@ -30,7 +30,7 @@ def smooth_normals(mesh: Mesh) -> Floats | None:
         return None
     from turnscan.shapes import _area_kernels as kernels
 
-    vectors, size = _vectors(mesh)
+    vectors, size = face_vectors(mesh)
     fair = np.maximum(size, 1e-12)
     s = np.nan_to_num(mesh.provenance.sigma)[mesh.faces]
     tilts = (s**2 * (_opposite(mesh) ** 2).sum(axis=2)).sum(axis=1) / (4 * fair**2)
@@ -47,7 +47,7 @@ def smooth_area(mesh: Mesh, chosen: Bools, normals: Floats | None) -> tuple[floa
     vertices to and fro, whose sum over a region is nothing, changes no vector area. ``normals``
     None takes the faces as they are, and the uncertainty is NaN.
     """
-    vectors, size = _vectors(mesh)
+    vectors, size = face_vectors(mesh)
     if normals is None or mesh.provenance is None:
         return float(size[chosen].sum()), float("nan")
     along = normals[chosen]
@@ -73,7 +73,8 @@ def _bend(mesh: Mesh, normals: Floats) -> Floats:
     return np.where(bend < _EDGE**2 / 2, bend, 0.0)
 
 
-def _vectors(mesh: Mesh) -> tuple[Floats, Floats]:
+def face_vectors(mesh: Mesh) -> tuple[Floats, Floats]:
+    """(f, 3) mm² the vector areas of the faces, and (f,) their sizes."""
     t = mesh.triangles
     vectors = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 2
     return vectors, np.asarray(np.linalg.norm(vectors, axis=1))

@@ -8,7 +8,7 @@ the rig leaves open comes on top (`turnscan.points.systematic_sigma`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.mesh import Mesh, is_closed, measured_vertices, sections
+from turnscan.shapes._added import filled_area_sigma
 from turnscan.shapes._area import smooth_area, smooth_normals
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Plane
@@ -176,14 +177,29 @@ def section_diameter(
     )
 
 
-def area(mesh: Mesh, faces: Bools | None = None, normals: Floats | None = None) -> Measured:
+class AreaBase(NamedTuple):
+    """What an area rests on beside the places of its vertices, the same while these move little."""
+
+    normals: Floats | None
+    """(f, 3) of the smooth surface (`smooth_normals`)."""
+    filled: float
+    """mm²: what the faces that were not measured may be wrong by (`filled_area_sigma`)."""
+
+
+def area_base(mesh: Mesh, faces: Bools | None = None) -> AreaBase:
+    """Of the area of a mesh, or of the faces (f,) chosen."""
+    return AreaBase(smooth_normals(mesh), filled_area_sigma(mesh, faces))
+
+
+def area(mesh: Mesh, faces: Bools | None = None, base: AreaBase | None = None) -> Measured:
     """The area of the smooth surface of a mesh, or of the faces (f,) chosen: noise adds nothing.
 
-    ``normals`` (f, 3) are those of the smooth surface where they are known (`smooth_normals`). A
-    mesh whose points have no sigma is taken as it is.
+    ``base`` where it is known. A mesh whose points have no sigma is taken as it is.
     """
     chosen = np.ones(len(mesh.faces), dtype=np.bool_) if faces is None else faces
-    found, sigma = smooth_area(mesh, chosen, smooth_normals(mesh) if normals is None else normals)
+    normals, filled = area_base(mesh, faces) if base is None else base
+    found, sigma = smooth_area(mesh, chosen, normals)
+    sigma = float(np.hypot(sigma, filled))
     t = mesh.triangles[chosen]
     each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
     text = f"of {int(chosen.sum())} faces" + _unmeasured(mesh, chosen, each)

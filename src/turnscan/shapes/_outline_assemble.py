@@ -7,6 +7,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.shapes._outline_bodies import Body
 from turnscan.shapes._outline_curves import Arc, Joint, Line, Outline, Piece, Rest, Spline
+from turnscan.shapes._outline_places import supported
 from turnscan.shapes._outline_settled import Meet, Settled, corner, derived
 from turnscan.shapes._outline_sizes import box_of, sizes_of
 from turnscan.shapes._outline_splines import best_controls, fit_spline, local_direction
@@ -17,18 +18,20 @@ _FORGIVEN = 9.0
 _ABOUT = 12
 """Points on either side that tell where two splines meet, at the least."""
 _NAN = float("nan")
+Known = tuple[bool, ...]
 _NONE = Rest(0, 0.0, 0.0)
 
 
 def assemble(s: Settled) -> Outline:
     """The outline, its sizes and their uncertainties."""
+    known = supported(s)
     if s.closed and len(s.bodies) == 1 and s.bodies[0].kind == "arc":
         pieces: list[Piece] = [_circle(s)]
         numbers = [0]
     else:
         meets = _meets(s)
         pieces, numbers = [], []
-        for k, piece in enumerate(_pieces(s, meets)):
+        for k, piece in enumerate(_pieces(s, meets, known)):
             before = s.before(k)
             if before is not None and (m := meets[k]).joint == "corner":
                 gap = float(np.linalg.norm(m.end - m.start))
@@ -38,10 +41,10 @@ def assemble(s: Settled) -> Outline:
                     )
             numbers.append(len(pieces))
             pieces.append(piece)
-    box, box_sigma = box_of(s, pieces, numbers)
+    box, box_sigma = box_of(s, pieces, numbers, known)
     return Outline(
         tuple(pieces), s.closed, s.tolerance, float(np.median(s.noise.point)), s.noise.known,
-        box, box_sigma, sizes_of(s, pieces, numbers),
+        box, box_sigma, sizes_of(s, pieces, numbers, known), known.count(False),
     )  # fmt: skip
 
 
@@ -104,8 +107,8 @@ def _price(s: Settled) -> float:
     return 1.25 * float(np.log(max(int(np.isfinite(s.scale).sum()), 8)))
 
 
-def _pieces(s: Settled, meets: list[Meet]) -> list[Piece]:
-    found: list[Piece] = []
+def _pieces(s: Settled, meets: list[Meet], known: Known) -> list[Piece]:
+    found = list[Piece]()
     for k, b in enumerate(s.bodies):
         begin, end = meets[k].start, meets[k + 1].end
         if b.kind == "spline":
@@ -113,7 +116,7 @@ def _pieces(s: Settled, meets: list[Meet]) -> list[Piece]:
         elif b.kind == "arc":
             found.append(_arc(s, k, begin, end, meets[k].joint))
         else:
-            found.append(_line(s, k, begin, end, meets[k].joint))
+            found.append(_line(s, k, (begin, end), meets[k].joint, known))
     return found
 
 
@@ -123,20 +126,27 @@ def _rest(s: Settled, k: int) -> Rest:
     return Rest(len(b.rows), float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()))
 
 
-def _line(s: Settled, k: int, begin: Floats, end: Floats, joint: Joint) -> Line:
+def _line(s: Settled, k: int, ends: tuple[Floats, Floats], joint: Joint, known: Known) -> Line:
+    """Line ``k``; its length is not known where an end lies on one that is not ``known``."""
     b = s.bodies[k]
     covariance = b.covariance
     length = np.nan
     after = (k + 1) % len(s.bodies)
     kinds = {s.bodies[j].kind for j in (k - 1, after)}
-    if "spline" not in kinds and (s.closed or 0 < k < len(s.bodies) - 1) and len(s.bodies) > 1:
+    near = {(k - 1) % len(s.bodies), k, after}
+    if (
+        "spline" not in kinds
+        and (s.closed or 0 < k < len(s.bodies) - 1)
+        and len(s.bodies) > 1
+        and all(known[j] for j in near)
+    ):
 
         def value() -> float:
             return float(np.linalg.norm(corner(s, after).end - corner(s, k).start))
 
         length = derived(s, value, [(k - 1) % len(s.bodies), k, after])
     sigma = float(np.sqrt(covariance[1, 1]))
-    return Line(begin, end, sigma, float(np.sqrt(covariance[0, 0])), length, _rest(s, k), joint)
+    return Line(*ends, sigma, float(np.sqrt(covariance[0, 0])), length, _rest(s, k), joint)
 
 
 def _sweep(s: Settled, b: Body) -> float:

@@ -107,9 +107,8 @@ def arc_body(chain: Chain, rows: Index, ways: tuple[int, int], scale: Floats) ->
     from turnscan.shapes import _outline_kernels as kernels
 
     x, y = (np.ascontiguousarray(c) for c in chain.points[rows].T)
-    points = kernels.Points(x, y, 1.0 / scale[rows] ** 2, chain.bulge[rows])
     found = np.zeros(3)
-    if kernels.circle(points, found) < 0:
+    if kernels.circle(x, y, 1.0 / scale[rows] ** 2, chain.bulge[rows], found) < 0:
         return None
     to = chain.points[ways[0] : ways[1] + 1] - found[:2]
     turn = (to[:-1, 0] * to[1:, 1] - to[:-1, 1] * to[1:, 0]).sum()

@@ -227,6 +227,8 @@ class Outline:
     box_sigma: Floats
     """(2, 2) mm: their standard uncertainties."""
     sizes: tuple[Size, ...] = ()
+    chords: int = 0
+    """Lines that rest on fewer than three measured places: they have no sizes."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "box", frozen(self.box, (2, 2), "Outline.box"))

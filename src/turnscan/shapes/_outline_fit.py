@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.errors import InputError
 from turnscan.shapes._outline_assemble import assemble
 from turnscan.shapes._outline_bodies import (
@@ -24,6 +24,7 @@ from turnscan.shapes._outline_bodies import (
 from turnscan.shapes._outline_borders import count_borders
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_noise import Noise, chain_noise, default_tolerance
+from turnscan.shapes._outline_places import place_numbers
 from turnscan.shapes._outline_rounds import rounded
 from turnscan.shapes._outline_settled import Settled
 from turnscan.shapes._outline_splines import Span, with_splines
@@ -49,6 +50,11 @@ by at the least, to be told as one; points that make it a spline instead."""
 _KNOWN, _SPLINED = 0.5, 8
 """Of its radius, that an arc's standard uncertainty is at most; points of another that are a spline
 instead of a line."""
+_ROUND = 5
+"""Places of an arc at the least: the two on either side of an edge lie on a circle by symmetry."""
+_POLYGON = 0.7
+"""Of its radius, what a circle's chord is long at the most of a mesh without sigma:
+nine sides are round, eight are not."""
 _FORGIVEN = 16.0
 """Increase of chi2 for each tie that tangency may cost."""
 
@@ -121,7 +127,7 @@ def _fair(chain: Chain, noise: Noise) -> Noise:
     if not noise.known or int(use.sum()) < _ENOUGH:
         return noise
     scale = np.where(use, noise.scale(0.0), np.inf)
-    bodies = [_body(chain, use, scale, s) for s in _spans(chain, scale)[0]]
+    bodies = [_body(chain, use, scale, s) for s in _spans(chain, scale, noise.known)[0]]
     off = [b.residuals(chain, b.p)[0] / noise.point[b.rows] for b in bodies if len(b.rows) > 4]
     if not off:
         return noise
@@ -134,20 +140,20 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
     use = chain.measured
     scale = np.where(use, noise.scale(tolerance), np.inf)
     if closed:
-        whole = _circle(chain, scale)
+        whole = _circle(chain, scale, noise.known)
         chain, scale, noise = _turned(chain, scale, noise, _farthest(chain.points))
-        spans, cost = _spans(chain, scale)
+        spans, cost = _spans(chain, scale, noise.known)
         opened = (chain, scale, noise)
         for start in _seams(spans, chain):
             trial = _turned(chain, scale, noise, start)
-            found, price = _spans(*trial[:2])
+            found, price = _spans(*trial[:2], noise.known)
             if price < cost:
                 opened, spans, cost = trial, found, price
         chain, scale, noise = opened
         if whole is not None and whole <= cost:
             spans = [("arc", 0, len(chain.points) - 1)]
     else:
-        spans, _ = _spans(chain, scale)
+        spans, _ = _spans(chain, scale, noise.known)
     use = np.isfinite(scale)
     bodies, ties = _bodies(chain, use, scale, noise, spans), list[Tangency]()
     bodies = _rounded(chain, scale, noise, bodies)
@@ -215,13 +221,17 @@ def _prices(scale: Floats) -> float:
     return 1.25 * float(np.log(max(int(np.isfinite(scale).sum()), 8)))
 
 
-def _circle(chain: Chain, scale: Floats) -> float | None:
-    """The cost of a closed chain as one circle; None where it is none."""
+def _circle(chain: Chain, scale: Floats, known: bool) -> float | None:
+    """The cost of a closed chain as one circle; None where it is none.
+
+    All regular polygons have their vertices on one: of a mesh that does not know its sigma those
+    with few sides are polygons.
+    """
     from turnscan.shapes import _outline_kernels as kernels
 
     x, y = (np.ascontiguousarray(c[:-1]) for c in chain.points.T)
     w, found = 1.0 / scale[:-1] ** 2, np.zeros(3)
-    chi2 = kernels.circle(kernels.Points(x, y, w, chain.bulge[:-1]), found)
+    chi2 = kernels.circle(x, y, w, chain.bulge[:-1], found)
     count = int((w > 0).sum())
     widest = float(chain.steps.max())
     if (
@@ -229,12 +239,20 @@ def _circle(chain: Chain, scale: Floats) -> float | None:
         or count < 6
         or chi2 > count + 8 * np.sqrt(2 * count) + 10
         or widest > 0.8 * found[2]
+        or (not known and np.linalg.norm(chain.spans, axis=1).max() > _POLYGON * found[2])
     ):
         return None
     return float(chi2) + 3.0 * _prices(scale)
 
 
-def _spans(chain: Chain, scale: Floats) -> tuple[list[Span], float]:
+def _places(chain: Chain, known: bool) -> Longs:
+    """The places of each point; of a mesh that does not know its sigma each point is one."""
+    if known:
+        return place_numbers(chain)
+    return np.stack([np.arange(len(chain.points))] * 2, axis=1)
+
+
+def _spans(chain: Chain, scale: Floats, known: bool) -> tuple[list[Span], float]:
     """The cheapest lines and arcs of an open chain, and their cost."""
     from turnscan.shapes import _outline_kernels as kernels
 
@@ -243,8 +261,9 @@ def _spans(chain: Chain, scale: Floats) -> tuple[list[Span], float]:
     breaks = np.unique(np.r_[np.arange(0, m, -(-m // _MOST_BREAKS)), m - 1])
     least = 2.0 * float(np.median(scale[np.isfinite(scale)]))
     gap = min(_GAP * float(np.median(chain.steps)), _WIDEST_GAP * chain.length)
-    points = kernels.Points(x, y, 1.0 / scale**2, np.ascontiguousarray(chain.bulge))
-    prices = kernels.Prices(_LINE * price, _ARC * price, _SKIP, least)
+    first, last = np.ascontiguousarray(_places(chain, known).T)
+    points = kernels.Points(x, y, 1.0 / scale**2, first, last, np.ascontiguousarray(chain.bulge))
+    prices = kernels.Prices(_LINE * price, _ARC * price, _SKIP, _ROUND if known else 4, least)
     rows, cost = kernels.pieces(points, breaks, prices, gap)
     found: list[Span] = [(("line", "arc")[int(k)], int(i), int(j)) for k, i, j in rows]
     return found or [("line", 0, m - 1)], float(cost)
@@ -284,7 +303,9 @@ def _rounded(chain: Chain, scale: Floats, noise: Noise, bodies: list[Body]) -> l
     """The bodies, those at corners as arcs between their neighbours where that is likelier."""
     made = []
     for (span, circle), old in zip(
-        rounded(chain, scale, bodies, _prices(scale)), bodies, strict=True
+        rounded(chain, scale, bodies, _prices(scale), _places(chain, noise.known)),
+        bodies,
+        strict=True,
     ):
         b = old
         if circle is not None or span[1:] != old.ways:

@@ -27,6 +27,9 @@ class Points(NamedTuple):
     """mm."""
     w: Floats
     """1/mm²: one over the variance of each across the chain; 0 for those without a say."""
+    first: Longs
+    last: Longs
+    """The first and the last place that say where it lies: an arc needs `Prices.places` of them."""
     bulge: Floats
     """mm²: what the square of a distance to a centre lacks because the point lies on a chord."""
 
@@ -38,6 +41,8 @@ class Prices(NamedTuple):
     arc: float
     skip: float
     """Of each point that belongs to no piece."""
+    places: int
+    """At which an arc was measured at the least."""
     least_sagitta: float
     """mm: an arc that bends less is a line."""
 
@@ -102,9 +107,8 @@ def _taubin(m: Floats, out: Floats) -> float:
 
 
 @njit(cache=True, nogil=True)
-def circle(points: Points, out: Floats) -> float:
-    """The circle through all points into ``out`` (3,); returns Σ w·distance², or −1."""
-    x, y, w, bulge = points
+def circle(x: Floats, y: Floats, w: Floats, bulge: Floats, out: Floats) -> float:
+    """The circle through points as in `Points` into ``out`` (3,); returns Σ w·distance², or −1."""
     s = np.zeros(9)
     total = 0.0
     for i in range(len(x)):
@@ -205,7 +209,7 @@ def _grow(
     ``begin`` is that break and the one where the piece before ends, ``base`` (in `Prices`' units)
     the cost up to there.
     """
-    x, y, w, bulge = points
+    x, y, w, bulge = points.x, points.y, points.w, points.bulge
     a, where = begin
     i = breaks[a]
     s = np.zeros(9)
@@ -235,7 +239,7 @@ def _grow(
             best.cost[e] = base + line + prices.line
             best.start[e], best.kind[e], best.before[e] = a, LINE, where
         arc = np.inf
-        if count >= 4:
+        if count >= 4 and points.last[j] - points.first[i] + 1 >= prices.places:
             mean = _taubin(m, found)
             if mean >= 0:
                 arc = mean * total

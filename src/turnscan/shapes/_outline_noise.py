@@ -69,7 +69,7 @@ def chain_noise(chain: Chain, use: Bools) -> Noise:
         fair = np.where(np.isfinite(chain.sigma), chain.sigma, middle)
         factor = np.maximum(fair, 1e-12) / _lengths(rows)
     rows = csr_array(diags_array(factor) @ rows)
-    scatter = _scatter(chain.points[use], rows[np.flatnonzero(use)])
+    scatter = _scatter(chain.points[use], chain.bulge[use], rows[np.flatnonzero(use)])
     rows = csr_array(rows * (max(scatter, 1.0) if known else max(scatter, 1e-12)))
     point = _lengths(rows)
     whole: Floats = np.asarray(rows[np.flatnonzero(use)].sum(axis=0))
@@ -86,21 +86,24 @@ def _lengths(rows: csr_array) -> Floats:
     return np.asarray(np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel()))
 
 
-def _scatter(p: Floats, rows: csr_array) -> float:
-    """How many times larger than ``rows`` say points (m, 2) scatter.
+def _scatter(p: Floats, bulge: Floats, rows: csr_array) -> float:
+    """How many times larger than ``rows`` say points (m, 2) scatter that lie on chords.
 
     The smaller of two estimates: about parabolas through the four points on either side, which
     corners disturb, and about the line through the two beside each, which bends disturb.
     """
     if len(p) < 2 * (2 * _HALF + 1):
         return 0.0
-    about_parabola = np.quantile(_off(p, rows, _HALF, 3), 0.5) / 0.6745
-    about_line = np.quantile(_off(p, rows, 1, 2), 0.3) / 0.3853
+    about_parabola = np.quantile(_off(p, bulge, rows, _HALF, 3), 0.5) / 0.6745
+    about_line = np.quantile(_off(p, bulge, rows, 1, 2), 0.3) / 0.3853
     return float(min(about_parabola, about_line))
 
 
-def _off(p: Floats, rows: csr_array, half: int, powers: int) -> Floats:
-    """|Distance| of each point from a polynomial through its neighbours, per what ``rows`` say."""
+def _off(p: Floats, bulge: Floats, rows: csr_array, half: int, powers: int) -> Floats:
+    """|Distance| of each point from a polynomial through its neighbours, per what ``rows`` say.
+
+    A point on a chord of a curve lies off it as if x² were larger by its ``bulge`` (m,) mm².
+    """
     from scipy.sparse import csr_array
 
     m, wide = len(p), 2 * half + 1
@@ -113,6 +116,7 @@ def _off(p: Floats, rows: csr_array, half: int, powers: int) -> Floats:
     at = np.einsum("kij,kj->ki", to, along) / length[:, None] - 0.5
     across = along[:, None, 0] * to[:, :, 1] - along[:, None, 1] * to[:, :, 0]
     design = at[:, :, None] ** np.arange(powers)
+    design[:, :, 2:] += (bulge[window] / length[:, None] ** 2)[:, :, None]
     value = design[:, half].copy()
     design[:, half] = 0.0
     weights = -np.einsum("kj,kji->ki", value, np.linalg.pinv(design))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Longs
 from turnscan.shapes._outline_bodies import Body, meeting, used
 from turnscan.shapes._outline_splines import Span
 from turnscan.shapes._section import Chain
@@ -14,17 +14,21 @@ _SHORT = 0.4
 _LEAST_TURN = np.deg2rad(25.0)
 _ROOM = 0.8
 """Of its neighbours, the most that a rounding takes."""
+_FEWEST = 4
+"""Places of such an arc."""
 _CAP = 25.0
 """chi2 of a point at the most: a point that fits nothing decides nothing."""
 
 
 def rounded(
-    chain: Chain, scale: Floats, bodies: list[Body], price: float
+    chain: Chain, scale: Floats, bodies: list[Body], price: float, places: Longs
 ) -> list[tuple[Span, Floats | None]]:
     """The spans of the bodies, those between two lines as a tangent arc where that says it better.
 
     A tangent arc between two given lines has one parameter, its radius; a chamfer has two, at
-    ``price`` each. With each span (3,) centre and radius of such an arc, or None.
+    ``price`` each. Such an arc was measured at four of the ``places`` of the points (m, 2) at least
+    (`place_numbers`): those where it touches the lines say nothing of it. With each span
+    (3,) centre and radius of such an arc, or None.
     """
     spans: list[tuple[Span, Floats | None]] = [((b.kind, *b.ways), None) for b in bodies]
     for k in range(1, len(bodies) - 1):
@@ -35,6 +39,8 @@ def rounded(
         if found is None:
             continue
         circle, first, last = found
+        if places[last, 1] - places[first, 0] + 1 < _FEWEST:
+            continue
         spans[k - 1] = ((a.kind, spans[k - 1][0][1], first), None)
         spans[k] = (("arc", first, last), circle)
         spans[k + 1] = ((b.kind, last, b.ways[1]), None)

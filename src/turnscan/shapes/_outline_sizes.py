@@ -9,6 +9,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.shapes._outline_bodies import Body
 from turnscan.shapes._outline_curves import Arc, Line, Piece, Size
+from turnscan.shapes._outline_places import cut_off
 from turnscan.shapes._outline_settled import Settled, corner, derived
 
 _PARALLEL = np.deg2rad(0.2)
@@ -16,15 +17,18 @@ _PARALLEL = np.deg2rad(0.2)
 _SIGMAS = 3.0
 _MOST_OFF = np.deg2rad(3.0)
 """However uncertain they are."""
-_FEWEST = 3
-"""Points of a line that has a distance: two lie on any line, as where steps cut off an edge."""
 
 
-def sizes_of(s: Settled, pieces: list[Piece], numbers: list[int]) -> tuple[Size, ...]:
-    """Distances of parallel lines that face each other, and angles between lines that meet."""
-    lines = [k for k, b in enumerate(s.bodies) if b.kind == "line"]
+def sizes_of(
+    s: Settled, pieces: list[Piece], numbers: list[int], known: tuple[bool, ...]
+) -> tuple[Size, ...]:
+    """Distances of parallel lines that face each other, and angles between lines that meet.
+
+    Of lines that rest on too little to be the part's, and so are not ``known``, none (`supported`).
+    """
+    lines = [k for k, b in enumerate(s.bodies) if b.kind == "line" and known[k]]
     found = [_distance(s, pieces, numbers, i, j) for i, j in combinations(lines, 2)]
-    found += [_angle(s, pieces, numbers, k) for k in lines]
+    found += [_angle(s, pieces, numbers, k) for k in lines if s.before(k) in lines]
     return tuple(size for size in found if size is not None)
 
 
@@ -39,8 +43,6 @@ def _distance(s: Settled, pieces: list[Piece], numbers: list[int], i: int, j: in
     first, second = pieces[numbers[i]], pieces[numbers[j]]
     assert isinstance(first, Line)
     assert isinstance(second, Line)
-    if min(first.rest.count, second.rest.count) < _FEWEST:
-        return None
     off = np.pi - abs(_turn(a, b))
     known = _SIGMAS * float(np.hypot(first.angle_sigma, second.angle_sigma))
     if off > min(max(_PARALLEL, known), _MOST_OFF):
@@ -64,10 +66,9 @@ def _distance(s: Settled, pieces: list[Piece], numbers: list[int], i: int, j: in
                 np.stack([at, b.nearest(at)]), float(off))  # fmt: skip
 
 
-def _angle(s: Settled, pieces: list[Piece], numbers: list[int], k: int) -> Size | None:
+def _angle(s: Settled, pieces: list[Piece], numbers: list[int], k: int) -> Size:
     j = s.before(k)
-    if j is None or s.bodies[j].kind != "line":
-        return None
+    assert j is not None
     a, b = s.bodies[j], s.bodies[k]
 
     def value() -> float:
@@ -78,7 +79,9 @@ def _angle(s: Settled, pieces: list[Piece], numbers: list[int], k: int) -> Size 
                 np.stack([at, at]))  # fmt: skip
 
 
-def box_of(s: Settled, pieces: list[Piece], numbers: list[int]) -> tuple[Floats, Floats]:
+def box_of(
+    s: Settled, pieces: list[Piece], numbers: list[int], known: tuple[bool, ...]
+) -> tuple[Floats, Floats]:
     """(2, 2) mm: least and largest x and y of the pieces, and their standard uncertainties."""
     box, sigma = np.zeros((2, 2)), np.zeros((2, 2))
     for row, sign in enumerate((-1.0, 1.0)):
@@ -89,7 +92,8 @@ def box_of(s: Settled, pieces: list[Piece], numbers: list[int]) -> tuple[Floats,
             box[row, axis] = sign * reach[k][0]
             ended = 0.0 if reach[k][1] else _unseen(s, pieces, u, reach[k][0])
             own = _reach_sigma(s, pieces, numbers, k, u, reach[k][1])
-            sigma[row, axis] = float(np.hypot(own, ended))
+            chord = 0.0 if reach[k][1] else _chords(s, pieces, numbers, known, u, reach[k][0])
+            sigma[row, axis] = float(np.linalg.norm([own, ended, chord]))
     return box, sigma
 
 
@@ -110,6 +114,23 @@ def _unseen(s: Settled, pieces: list[Piece], u: Floats, reach: float) -> float:
             along = way[-1] - way[0]
             out.append(abs(float(along @ u)) / max(float(np.linalg.norm(along)), 1e-300))
     return max(out) * step / float(np.sqrt(3.0))
+
+
+def _chords(
+    s: Settled, pieces: list[Piece], numbers: list[int], known: tuple[bool, ...], u: Floats,
+    reach: float,
+) -> float:  # fmt: skip
+    """mm along ``u`` that are not known where steps cut off what reaches furthest.
+
+    So much of where it would end at the most that twice the uncertainty of a width covers it where
+    it is cut off at both ends.
+    """
+    out = [0.0]
+    for k, piece in enumerate(pieces[n] for n in numbers):
+        if not known[k]:
+            ends = np.stack([piece.start, piece.end])
+            out.append(cut_off(s, k, ends, u) - (reach - float((ends @ u).max())))
+    return max(out) / float(np.sqrt(2.0))
 
 
 def _reach(piece: Piece, u: Floats) -> tuple[float, bool]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
+from turnscan.shapes._stripe_numbers import Stripes, stripes_of
 
 _ON_PLANE = 1e-9
 """Of the size of the mesh: vertices no further than this lie on the plane."""
@@ -122,13 +124,15 @@ class Chain:
     face that nobody measured."""
     sigma: Floats
     """(m,) mm: standard uncertainty across the polyline; NaN where not known."""
-    bulge: Floats
-    """(m,) mm²: the point lies on a chord between two vertices. ρ from a centre of curvature, it
-    would be √(ρ² + bulge) from there on the curve on which the vertices are."""
+    spans: Floats
+    """(m, 2) mm in the drawing, from the first to the second vertex between which each point lies.
+    """
     ends: Ints
     """(m, 2) the vertices of the mesh between which each point lies."""
     shares: Floats
     """(m, 2) what each of them has to say in the point; their sum is 1."""
+    stripes: Stripes | None = None
+    """Of all vertices of the mesh, where it knows them."""
 
     def __post_init__(self) -> None:
         m = len(self.points)
@@ -137,9 +141,16 @@ class Chain:
         ways = m if self.closed else m - 1
         put(self, "filled", frozen(self.filled, (ways,), "Chain.filled", np.bool_))
         put(self, "sigma", frozen(self.sigma, (m,), "Chain.sigma", nan=True))
-        put(self, "bulge", frozen(self.bulge, (m,), "Chain.bulge"))
+        put(self, "spans", frozen(self.spans, (m, 2), "Chain.spans"))
         put(self, "ends", frozen(self.ends, (m, 2), "Chain.ends", np.int32))
         put(self, "shares", frozen(self.shares, (m, 2), "Chain.shares"))
+
+    @cached_property
+    def bulge(self) -> Floats:
+        """(m,) mm²: the point lies on a chord between two vertices. ρ from a centre of curvature,
+        it would be √(ρ² + bulge) from there on the curve on which the vertices are."""
+        across: Floats = self.shares.prod(axis=1) * (self.spans**2).sum(axis=1)
+        return across
 
     @property
     def measured(self) -> Bools:
@@ -163,8 +174,8 @@ class Chain:
     def part(self, index: npt.NDArray[np.intp], closed: bool = False) -> Chain:
         """The points ``index`` in this order as a chain of their own, its ways all measured."""
         ways = np.zeros(len(index) - (not closed), dtype=np.bool_)
-        rows = (self.sigma[index], self.bulge[index], self.ends[index], self.shares[index])
-        return Chain(self.points[index], closed, ways, *rows)
+        rows = (self.sigma[index], self.spans[index], self.ends[index], self.shares[index])
+        return Chain(self.points[index], closed, ways, *rows, self.stripes)
 
     def runs(self, filled: bool) -> list[npt.NDArray[np.intp]]:
         """Indices of points along each stretch of ways that are (not) ``filled``.
@@ -210,6 +221,8 @@ def crossed(mesh: Mesh, cut: Cut) -> list[Chain]:
     """As `cross_section`, and none where the cut misses the mesh."""
     segments = _segments(mesh, cut)
     chains = [c for walk in _walks(segments.nodes) if (c := _chain(walk, segments)) is not None]
+    stripes = stripes_of(mesh) if chains else None
+    chains = [replace(c, stripes=stripes) for c in chains]
     return sorted(chains, key=lambda c: -c.length)
 
 
@@ -237,7 +250,7 @@ class _Segments:
     points: Floats
     """(k, 2) mm, of the nodes."""
     sigma: Floats
-    bulge: Floats
+    spans: Floats
     ends: Ints
     shares: Floats
 
@@ -255,7 +268,7 @@ def _segments(mesh: Mesh, cut: Cut) -> _Segments:
     if not len(faces):
         return _Segments(
             np.zeros((0, 2), np.int64), np.zeros(0, np.bool_), np.zeros((0, 2)), np.zeros(0),
-            np.zeros(0), np.zeros((0, 2), np.int32), np.zeros((0, 2)),
+            np.zeros((0, 2)), np.zeros((0, 2), np.int32), np.zeros((0, 2)),
         )  # fmt: skip
     lone = np.argmax(up == (count[faces] == 1)[:, None], axis=1)
     rows = np.arange(len(faces))
@@ -283,11 +296,9 @@ def _segments(mesh: Mesh, cut: Cut) -> _Segments:
     if mesh.provenance is not None:
         each = np.where(shares > 0, shares * mesh.provenance.sigma[ends], 0.0)
         sigma = np.hypot(*each.T) / np.maximum(tilt, _STEEP)
-    across = (((end - start) @ basis) ** 2).sum(axis=1)
     filled = np.zeros(len(faces), np.bool_) if mesh.measured is None else ~mesh.measured[faces]
     made = _Segments(
-        nodes, filled, at @ basis, sigma, share * (1.0 - share) * across,
-        ends.astype(np.int32), shares,
+        nodes, filled, at @ basis, sigma, (end - start) @ basis, ends.astype(np.int32), shares
     )  # fmt: skip
     return _clipped(made) if cut.half else made
 
@@ -307,7 +318,7 @@ def _clipped(s: _Segments) -> _Segments:
     cut = np.where(inside[partly], nodes, fresh[:, None])
     rows = {
         name: np.concatenate([getattr(s, name), getattr(s, name)[near]])
-        for name in ("sigma", "bulge", "ends", "shares")
+        for name in ("sigma", "spans", "ends", "shares")
     }
     return replace(
         s, nodes=np.concatenate([s.nodes[whole], cut]), points=np.concatenate([s.points, new]),
@@ -366,5 +377,5 @@ def _chain(walk: list[tuple[int, bool]], s: _Segments) -> Chain | None:
     ways = filled[keep] if closed else filled[keep[:-1]]
     if len(index) < (3 if closed else 2):
         return None
-    return Chain(s.points[index], closed, ways, s.sigma[index], s.bulge[index], s.ends[index],
+    return Chain(s.points[index], closed, ways, s.sigma[index], s.spans[index], s.ends[index],
                  s.shares[index])  # fmt: skip

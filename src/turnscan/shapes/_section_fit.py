@@ -34,6 +34,13 @@ class FittedSection:
         return [o for row in self.outlines for o in row]
 
     @property
+    def unstated(self) -> str:
+        """How many lines have no sizes and why, in words; empty where all have."""
+        chords = sum(o.chords for o in self.fitted)
+        lines = f"{chords} lines rest" if chords > 1 else "1 line rests"
+        return f"{lines} on fewer than three measured places: no sizes" if chords else ""
+
+    @property
     def box(self) -> Floats:
         """(2, 2) mm: least and largest x and y of what was fitted, or of the points if nothing.
 

@@ -83,7 +83,7 @@ def find_shapes(
     ground = prepared(part, sigma_of(part), tolerance)
     total = float(ground.area.sum())
     found = merged(ground, grow_regions(ground, smallest * total, most))
-    label = _settled(ground, found)
+    found, label = _kept(ground, found)
     fields = [np.asarray(m)[back] for m in moves]
     return _finished(ground, found, label, fields, relations, back, len(mesh.vertices))
 
@@ -99,6 +99,24 @@ def sigma_of(mesh: Mesh) -> Floats | None:
     return np.where(good, sigma, float(np.median(sigma[good])))
 
 
+def _kept(g: Ground, found: list[Region]) -> tuple[list[Region], Index]:
+    """Regions that are shapes as far as their own vertices say, and the label of each vertex.
+
+    What is refused gives its vertices back, and the others share them out anew: a band of bent
+    stripes beside the wall of a keyway would else have taken some of its floor.
+    """
+    while True:
+        label = _settled(g, found)
+        owns = [np.flatnonzero(label == k) for k in range(len(found))]
+        good = [
+            int(g.firm[own].sum()) >= LEAST[r.kind] and not bent(g, own)
+            for r, own in zip(found, owns, strict=True)
+        ]
+        if all(good):
+            return found, label
+        found = [r for r, keep in zip(found, good, strict=True) if keep]
+
+
 def _settled(g: Ground, found: list[Region]) -> Index:
     """The label of each vertex after regions shared out what lies between them."""
     label = np.full(len(g.vertices), -1, dtype=np.int64)
@@ -112,7 +130,8 @@ def _settled(g: Ground, found: list[Region]) -> Index:
     kinds = np.array([r.kind for r in found])
     q = np.array([r.q for r in found])
     side = np.array([r.side for r in found])
-    return region.settled(label, off, region.Surfaces(kinds, q, side), g.neighbourhood, 6)
+    reach = np.array([float(np.median(g.limit[r.member])) for r in found])
+    return region.settled(label, off, region.Surfaces(kinds, q, side, reach), g.neighbourhood, 6)
 
 
 def _cores(g: Ground, own: Bools) -> Iterator[Bools]:
@@ -150,7 +169,26 @@ class _Fit:
         where = cells(g, self.used)
         unit *= clumping(self.residual * np.sqrt(self.weight), where, len(self.free))
         self.covariance = np.zeros((7, 7))
-        self.covariance[np.ix_(self.free, self.free)] = self.inverse * unit
+        self.covariance[np.ix_(self.free, self.free)] = self.inverse * unit + self._bent(g)
+
+    def _bent(self, g: Ground) -> Floats:
+        """(k, k) what stripes do that are known worse than usual: each is off as a whole.
+
+        Where points are known worse than usual, and scatter less along their stripe than that, an
+        edge may have bent the stripe: this moves its points alike, however many they are.
+        """
+        if g.stripe is None:
+            return np.zeros((len(self.free), len(self.free)))
+        stripe = np.unique(g.stripe[self.used], return_inverse=True)[1]
+        count = np.maximum(np.bincount(stripe), 1)
+        mean = np.bincount(stripe, self.residual) / count
+        scatter = np.bincount(stripe, (self.residual - mean[stripe]) ** 2) / count
+        noise = np.maximum(scatter, g.usual**2)[stripe]
+        off = np.sqrt(np.maximum(g.scale[self.used] ** 2 - noise, 0.0))
+        pull = np.zeros((len(count), len(self.free)))
+        np.add.at(pull, stripe, self.J * (self.weight * off)[:, None])
+        moves = pull @ self.inverse
+        return np.asarray(moves.T @ moves)
 
     def sure(self) -> bool:
         """Whether a curved shape knows its radius."""
@@ -190,8 +228,6 @@ def _finished(
     fits, owns = list[_Fit](), list[Bools]()
     for k, r in enumerate(found):
         own = label == k
-        if g.firm[own].sum() < LEAST[r.kind] or bent(g, np.flatnonzero(own)):
-            continue
         for core in _cores(g, own):
             fit = _Fit(g, r, own, core)
             if fit.sure() and close(g, r.kind, fit.q, fit.used):

@@ -55,6 +55,8 @@ class Surfaces(NamedTuple):
     """(r, 10)."""
     side: Floats
     """(r,)."""
+    reach: Floats
+    """(r,) mm: no vertex further off joins it."""
 
 
 @njit(cache=True, nogil=True)
@@ -270,7 +272,7 @@ def settled(
     vertices join a neighbour's surface within their limit whatever their normal says, unless it
     looks away: smooth normals are wrong beside an edge.
     """
-    kinds, q, side = surfaces
+    kinds, q, side, reach = surfaces
     vertices, normals, limit = ground.vertices, ground.normals, ground.limit
     now = label.copy()
     n = np.empty(3)
@@ -282,9 +284,10 @@ def settled(
                 k = then[ground.near[e]]
                 if k < 0 or k == now[i]:
                     continue
-                z = abs(_at(kinds[k], q[k], vertices[i], n)[0]) / limit[i]
+                d = abs(_at(kinds[k], q[k], vertices[i], n)[0])
+                z = d / limit[i]
                 c = n[0] * normals[i, 0] + n[1] * normals[i, 1] + n[2] * normals[i, 2]
-                if z < off[i] and c * side[k] > 0.0:
+                if z < off[i] and d <= reach[k] and c * side[k] > 0.0:
                     off[i] = z
                     now[i] = k
                     changed += 1

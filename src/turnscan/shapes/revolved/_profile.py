@@ -110,7 +110,7 @@ def _averaged(turned: Turned, chain: Chain, on: np.ndarray, tree: cKDTree) -> Ch
     n = len(points)
     number = np.arange(n, dtype=np.int32)
     return Chain(
-        points, closed, gaps, sigma, np.zeros(n), np.column_stack([number, number]),
+        points, closed, gaps, sigma, np.zeros((n, 2)), np.column_stack([number, number]),
         np.column_stack([np.ones(n), np.zeros(n)]),
     )  # fmt: skip
 

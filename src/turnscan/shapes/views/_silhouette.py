@@ -97,7 +97,7 @@ def _chain(mesh: Mesh, points: Floats, near: npt.NDArray[np.int64], known: Bools
     filled = ~(known[near] & np.roll(known[near], -1))
     ends = np.stack([near, near], axis=1).astype(np.int32)
     shares = np.tile([1.0, 0.0], (m, 1))
-    return Chain(points, True, filled, sigma, np.zeros(m), ends, shares)
+    return Chain(points, True, filled, sigma, np.zeros((m, 2)), ends, shares)
 
 
 def outermost(outline: Outline) -> Outline:

@@ -1,0 +1,71 @@
+"""Stripes that an edge bends beside a face: they belong to nobody, and their doubt is counted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.mesh import Mesh, Provenance
+from turnscan.shapes.primitives import find_shapes
+from turnscan.shapes.primitives._find import _kept, sigma_of
+from turnscan.shapes.primitives._regions import Region, bent, prepared
+from turnscan.shapes.primitives._surface_kernels import PLANE
+
+ROWS, SIGMA = 60, 0.02
+
+
+def _stripes(height: Floats, sigma: Floats, seed: int = 0) -> Mesh:
+    """A sheet of stripes (s,), each at its ``height`` over z = 0 and with its ``sigma``, mm."""
+    s = len(height)
+    y, x = np.meshgrid(0.4 * np.arange(ROWS), 0.5 * np.arange(s))
+    noise = np.random.default_rng(seed).normal(0, SIGMA, (s, ROWS))
+    vertices = np.stack([x, y, height[:, None] + noise], axis=-1).reshape(-1, 3)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(s - 1), np.arange(ROWS - 1), indexing="ij"))
+    a = i * ROWS + j
+    b = a + ROWS
+    faces = np.concatenate([np.stack([a, b, b + 1], axis=1), np.stack([a, b + 1, a + 1], axis=1)])
+    step = np.repeat(np.arange(s, dtype=np.int32), ROWS)
+    row = np.tile(np.arange(ROWS, dtype=np.int32), s)
+    known = Provenance(np.repeat(sigma, ROWS), np.zeros_like(step), step, row, ("laser",))
+    return Mesh(vertices, faces.astype(np.int32), known)
+
+
+def _plane(at: Floats, normal: Floats) -> Floats:
+    n = np.asarray(normal, dtype=np.float64)
+    return np.concatenate([at, n / np.linalg.norm(n), np.zeros(4)])
+
+
+def _beside_a_wall() -> tuple[Mesh, int]:
+    """Stripes of a floor, then five that rise and are known badly; the number of the first."""
+    height, sigma = np.zeros(36), np.full(36, SIGMA)
+    height[31:] = 0.30 * np.arange(1, 6)
+    sigma[31:] = 10 * SIGMA
+    return _stripes(height, sigma), 31
+
+
+def test_a_band_of_bent_stripes_gives_back_what_it_took_of_a_face() -> None:
+    mesh, first = _beside_a_wall()
+    g = prepared(mesh, sigma_of(mesh), None)
+    floor = np.arange(0, (first - 2) * ROWS)
+    band = np.arange((first - 2) * ROWS, len(mesh.vertices))
+    rising = _plane(np.array([0.5 * (first - 1), 0.0, 0.0]), np.array([-0.6, 0.0, 1.0]))
+    regions = [
+        Region(PLANE, _plane(np.zeros(3), np.array([0.0, 0, 1])), 1.0, floor),
+        Region(PLANE, rising, 1.0, band),
+    ]
+    assert bent(g, band)
+    kept, label = _kept(g, regions)
+    assert kept == regions[:1]
+    assert (label[: first * ROWS] == 0).mean() > 0.99
+    assert (label[first * ROWS :] == 0).mean() < 0.01, "too far off the floor, whatever their sigma"
+
+
+def test_the_doubt_of_bent_stripes_does_not_vanish_with_their_many_points() -> None:
+    """Four stripes stand off as a whole, each by as much as its sigma says."""
+    sigma, ratios = np.full(16, SIGMA), []
+    sigma[6:10] = 3 * SIGMA
+    for seed in range(40):
+        off = np.where(sigma > SIGMA, np.random.default_rng(1000 + seed).normal(0, sigma), 0.0)
+        [plane] = find_shapes(_stripes(off, sigma, seed)).shapes
+        ratios.append(plane.point[2] / np.sqrt(plane.covariance[4, 4]))
+    assert 0.75 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.3
