@@ -27,7 +27,7 @@ from turnscan.calibrate._bodies import Body as FittedBody
 from turnscan.calibrate._bodies import Form, Known
 from turnscan.calibrate._bodies_found import refuse_ends
 from turnscan.calibrate._normal import weight
-from turnscan.errors import Degenerate
+from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress
 from turnscan.rig import (
@@ -160,6 +160,17 @@ def _sphere(points: Floats) -> tuple[float, float]:
     radius = float(np.sqrt(solved[3] + solved[:3] @ solved[:3]))
     off = np.linalg.norm(points - solved[:3], axis=1) - radius
     return radius, float(off.std())
+
+
+def test_a_rig_that_is_further_off_than_was_known_is_refused() -> None:
+    """Surfaces that agree are no proof: those of a prism do in rigs that are centimetres off."""
+    true = two_lasers()
+    known = doubted(true, 0.5, 0.2)
+    assert known.covariance is not None
+    wrong = replace(ruled(true, 0, known), covariance=known.covariance / 64)
+    sweeps = both(true, prism((5.0, 2.0), 40.0), STEPS, STEPS, 2, every=6)
+    with pytest.raises(DidNotConverge, match=r"strays from what is known of it, by \d+\.\d stand"):
+        refine(wrong, sweeps, replace(QUICK, rounds=4))
 
 
 def test_a_start_that_leads_astray_is_followed_by_others() -> None:

@@ -137,7 +137,7 @@ def test_every_fault_at_every_step(dialect: str, kind: str, steps: int) -> None:
                 if board_.lit:
                     time.sleep(0.1)
                 assert not board_.lit, f"lit 100 ms after {kind} at step {step}"
-                assert took < 2.5, f"{kind} at step {step} took {took:.1f} s"
+                assert took < 5.0, f"{kind} at step {step} took {took:.1f} s"
                 if kind == "late":  # nobody acknowledges within a blink
                     time.sleep(max(0.0, how_long / SCALE - took))
                 scan.recover()

@@ -161,19 +161,19 @@ class Swinging(Galvanometer):
 
 
 @given(st.floats(1.0, 1e4), st.floats(1e-4, 10.0))
-def test_an_exposure_of_whole_sweeps_or_a_refusal_with_one(frequency: float, wish: float) -> None:
+def test_an_exposure_of_whole_sweeps_or_a_refusal_with_one(frequency: float, asked: float) -> None:
     mirror = Swinging(frequency)
     assert isinstance(mirror, Sweeping)
-    sweeps = frequency * wish
+    sweeps = frequency * asked
     try:
-        mirror.check_exposure(wish)
+        mirror.check_exposure(asked)
     except DeviceRefused as e:
         assert sweeps < 50
         assert abs(sweeps - max(1, round(sweeps))) > 0.019
         offers = [float(part.split()[0]) for part in e.hint.split(": ")[1].split(" or ")]
         for offer in offers:
             mirror.check_exposure(offer)
-        assert min(abs(offer - wish) for offer in offers) <= max(1.0, 1 - sweeps) / frequency
+        assert min(abs(offer - asked) for offer in offers) <= max(1.0, 1 - sweeps) / frequency
     else:
         assert sweeps >= 50 or abs(sweeps - round(sweeps)) < 0.021
         assert sweeps > 0.97

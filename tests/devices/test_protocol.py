@@ -47,6 +47,7 @@ from turnscan.errors import (
     TurnscanError,
 )
 from turnscan.simulate.controllers import (
+    Cable,
     Fault,
     GrblFirmware,
     HorusFirmware,
@@ -86,6 +87,25 @@ def endless_waits(source: str) -> list[str]:
                     if "lock" in name or "pipe" in name:
                         found.append(function.name)
     return found
+
+
+class LateWithStatus(Cable):
+    """Answers to ``?`` take longer than they may; all else is as usual."""
+
+    def up(self, data: bytes, now: float) -> None:
+        self.late = 1.5 * QUICK.acknowledge if data.startswith(b"<") else 0.0
+        super().up(data, now)
+
+
+def test_a_board_that_is_late_with_its_status_is_not_taken_for_one_that_has_none() -> None:
+    """The answer to ``?`` comes while that to G50 is waited for, as on a busy machine."""
+    with Socket(HorusFirmware(), scale=SCALE, cable=LateWithStatus()) as socket:
+        address = f"horus:{socket.path}?lasers=a,b"
+        with pytest.raises(DeviceTimeout, match=r"no answer to '\?'.*connect again"):
+            board(address, deadlines=QUICK)
+        with contextlib.closing(board(address, deadlines=PATIENT)) as found:
+            found.move_to(math.radians(0.5), 5.0)
+            assert math.degrees(found.angle) == pytest.approx(0.5, abs=360 / UNITS["horus"])
 
 
 @pytest.mark.parametrize("module", OURS)

@@ -200,14 +200,7 @@ def _led(
     for k in range(_ROUNDS):
         network = network_of(begin, now, sweeps, free, 0.0, 0, coarse)
         now = adjusted(network, now, free, None, told=True).state
-        if _off(known, now.rig) > _STRAYED:
-            what = (
-                "" if isinstance(form, Smooth) else f", is the {form.name} the one that was scanned"
-            )
-            raise DidNotConverge(
-                "the rig strays from what is known of it",
-                hint=f"is the rig the right one{what}, and may its numbers be farther off?",
-            )
+        refuse_strayed(known, now.rig, "" if isinstance(form, Smooth) else form.name)
         gap, noise, _ = gap_of(network_of(begin, now, sweeps, free, 0.0, 0), now)
         progress((k + 1) / _ROUNDS)
         if coarse == 0.0 or (k > 2 and gap <= noise):
@@ -242,13 +235,22 @@ def _like(begin: Rig, rig: Rig) -> Rig:
     )
 
 
-def _off(known: Rig, rig: Rig) -> float:
-    """Standard uncertainties, rms, by which a rig is off what was known."""
+def refuse_strayed(known: Rig, rig: Rig, body: str = "") -> None:
+    """Raise DidNotConverge for a rig that is further off what was ``known`` than that allows.
+
+    Surfaces of a part with few directions agree in rigs that are far from the truth; what was known
+    is all that tells. ``body`` is the name of what was scanned, where it is known.
+    """
     stages = {n.rpartition(".")[0] for n in known.parameter_names}
     prior = prior_of(known, rig, stages)
-    if prior is None:
-        return 0.0
-    return float(np.sqrt(np.mean(prior.residual(rig) ** 2)))
+    off = 0.0 if prior is None else float(np.sqrt(np.mean(prior.residual(rig) ** 2)))
+    if off > _STRAYED:
+        what = f", is the {body} the one that was scanned" if body else ""
+        raise DidNotConverge(
+            f"the rig strays from what is known of it, by {off:.1f} standard uncertainties (rms)",
+            hint=f"is the rig the right one{what}, and may its numbers be farther off? A ball or "
+            "another part that faces in all directions determines more",
+        )
 
 
 def _thin(sweep: Sweep) -> Sweep:

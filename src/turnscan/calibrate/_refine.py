@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import Fit
-from turnscan.calibrate._approach import approach
+from turnscan.calibrate._approach import approach, refuse_strayed
 from turnscan.calibrate._bodies import Body, Form, Known, Smooth
 from turnscan.calibrate._bodies_found import again, find_body, refuse_ends
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
@@ -115,7 +115,7 @@ def refine(
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
-    else is known of, DidNotConverge.
+    else is known of, DidNotConverge, also where the rig strays from what was known of it.
     """
     s = settings or RefineSettings()
     many = tuple(thinned(sweep, rig) for sweep in sweeps)
@@ -127,6 +127,7 @@ def refine(
     part = progress.subrange(_APPROACH if doubt > _FAR_MM or _drawn(s) else 0.0, 1.0)
     network, fit = _settled(rig, state, many, free, s, rough, part)
     before = _gap_before(rig, begin, network, fit.state, s, doubt)
+    refuse_strayed(rig, fit.state.rig, "" if s.body is None else s.body[0].name)
     for body in fit.state.bodies:
         refuse_ends(body, sum(len(sweep.pixels) for sweep in many))
     fit, free, dropped = _simplest(network, with_shared_noise(network, fit, free), free)

@@ -53,24 +53,25 @@ class Sweep:
         points: Floats = np.einsum("nij,nj->ni", rotation_z(-angles)[self.step], X)
         return points
 
-
-def doubt_of(rig: Rig, sweeps: Sequence[Sweep]) -> float:
-    """How far, mm rms, the rig's uncertainty puts points beside their places; 0 without one."""
-    if rig.covariance is None:
-        return 0.0
-    far = 0.0
-    for sweep in sweeps:
-        some = np.unique(np.linspace(0, len(sweep.pixels) - 1, _SOME).astype(np.intp))
-        few = replace(sweep, pixels=sweep.pixels[some], sigma=sweep.sigma[some],
-                      step=sweep.step[some])  # fmt: skip
+    def doubt(self, rig: Rig) -> float:
+        """How far, mm rms, the rig's uncertainty puts its points beside their places; 0 without."""
+        if rig.covariance is None:
+            return 0.0
+        some = np.unique(np.linspace(0, len(self.pixels) - 1, _SOME).astype(np.intp))
+        few = replace(self, pixels=self.pixels[some], sigma=self.sigma[some],
+                      step=self.step[some])  # fmt: skip
         rays = rig.camera.rays(few.pixels)
-        at = few.points(rig, rays)
+        at, far = few.points(rig, rays), 0.0
         for k in np.flatnonzero(np.diag(rig.covariance)[CAMERA_SIZE:] > 0) + CAMERA_SIZE:
             step = np.zeros(len(rig.covariance))
             step[k] = np.sqrt(rig.covariance[k, k])
-            moved = few.points(rig.perturbed(step), rays) - at
-            far += float(np.mean((moved**2).sum(axis=1))) / len(sweeps)
-    return float(np.sqrt(far))
+            far += float(np.mean(((few.points(rig.perturbed(step), rays) - at) ** 2).sum(axis=1)))
+        return float(np.sqrt(far))
+
+
+def doubt_of(rig: Rig, sweeps: Sequence[Sweep]) -> float:
+    """How far, mm rms, the rig's uncertainty puts points beside their places; 0 without one."""
+    return float(np.sqrt(np.mean([sweep.doubt(rig) ** 2 for sweep in sweeps])))
 
 
 def thinned(sweep: Sweep, rig: Rig) -> Sweep:

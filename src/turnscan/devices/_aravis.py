@@ -12,7 +12,7 @@ from typing import Any
 from turnscan.arrays import Image
 from turnscan.devices._gain import gain_of_node, gain_to_node
 from turnscan.devices._lit import alive
-from turnscan.devices._options import check_wish, split_address, whole_of
+from turnscan.devices._options import check_exposure_and_gain, split_address, whole_of
 from turnscan.devices._pixels import image_of
 from turnscan.devices._protocols import CameraTraits
 from turnscan.errors import (
@@ -120,7 +120,7 @@ class AravisCamera:
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
         """Set and read back; NaN for what this camera does not have."""
-        check_wish(self._name, seconds, gain)
+        check_exposure_and_gain(self._name, seconds, gain)
         return self._exposed(seconds), self._gained(gain)
 
     def _exposed(self, seconds: float) -> float:

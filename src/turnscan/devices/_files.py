@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from turnscan.arrays import Image
-from turnscan.devices._options import check_wish, split_address
+from turnscan.devices._options import check_exposure_and_gain, split_address
 from turnscan.devices._protocols import CameraTraits
 from turnscan.errors import DeviceDisconnected, DeviceGarbled, FormatError
 from turnscan.scan import list_pictures, read_picture, read_video
@@ -21,7 +21,7 @@ class _Recorded:
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
         """Nothing can be set: (NaN, NaN). Raises DeviceRefused for what no camera could have."""
-        check_wish(self._address, seconds, gain)
+        check_exposure_and_gain(self._address, seconds, gain)
         return math.nan, math.nan
 
     def _over(self, count: int) -> DeviceDisconnected:

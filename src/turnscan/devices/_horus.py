@@ -51,10 +51,21 @@ class HorusBoard(Board):
             self._speed = min(self._speed, math.degrees(self.setup.speed))
         self._found(self._count(), locked=locked)
         if self._whole:  # its zero may be another since; where it stands does not change
-            self._ask("G50\r\n")
+            self._zero_of_whole()
             self._note(replace(self._left, base=self._unit))
         if not locked:
             self._settle()
+
+    def _zero_of_whole(self) -> None:
+        """Raises DeviceTimeout for a board that does answer ``?``, and was late."""
+        try:
+            self._ask("G50\r\n")
+        except DeviceGarbled as late:
+            raise DeviceTimeout(
+                f"{self.setup.port}: no answer to '?' within {self._d.acknowledge:g} s, and then "
+                f"another one than to G50",
+                hint="connect again",
+            ) from late
 
     def _unlock(self) -> None:
         if not self._whole:

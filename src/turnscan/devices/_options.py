@@ -50,7 +50,7 @@ def whole_of(options: Mapping[str, str], key: str, default: int, low: int, high:
     return int(value)
 
 
-def check_wish(name: str, seconds: float, gain: float) -> None:
+def check_exposure_and_gain(name: str, seconds: float, gain: float) -> None:
     """Raise DeviceRefused for an exposure or a gain that no camera can have."""
     if not 0.0 < seconds < math.inf:
         raise DeviceRefused(f"{name}: exposure {seconds:g} s", hint="give a time above 0 s")

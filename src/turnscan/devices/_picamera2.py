@@ -10,7 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Image
 from turnscan.devices._lit import alive
-from turnscan.devices._options import check_wish, split_address, whole_of
+from turnscan.devices._options import check_exposure_and_gain, split_address, whole_of
 from turnscan.devices._pixels import locked
 from turnscan.errors import DeviceError, DeviceNotFound, DeviceRefused, DeviceTimeout
 
@@ -81,7 +81,7 @@ class Picamera2Camera:
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
         """Set, and read back from the pictures until they have it. Raises DeviceRefused else."""
-        check_wish(self._name, seconds, gain)
+        check_exposure_and_gain(self._name, seconds, gain)
         wanted = {"ExposureTime": round(seconds * 1e6), "AnalogueGain": gain}
         self._camera.set_controls(wanted)
         got = math.nan, math.nan

@@ -14,7 +14,7 @@ import numpy as np
 
 from turnscan.arrays import Image
 from turnscan.devices._lit import alive
-from turnscan.devices._options import check_wish, number_of, split_address, whole_of
+from turnscan.devices._options import check_exposure_and_gain, number_of, split_address, whole_of
 from turnscan.devices._pixels import locked
 from turnscan.errors import (
     DeviceDisconnected,
@@ -134,7 +134,7 @@ class UvcCamera:
         The exposure is NaN where OpenCV has no say in it. Gain 1 is the value found on opening;
         webcams do not tell more. Raises DeviceRefused where the camera does not follow.
         """
-        check_wish(self._name, seconds, gain)
+        check_exposure_and_gain(self._name, seconds, gain)
         self._settle = _SETTLE
         return self._exposed(seconds), self._gained(gain)
 

@@ -180,7 +180,8 @@ def _solve(e: Equations, held: Floats | None, fixed: int) -> Floats:
     size = len(e.g)
     step = np.zeros(size)
     free = slice(6 * fixed, size)
-    H = e.H[free, free] + _RIDGE * e.motion[free, free] + 1e-12 * np.eye(size - 6 * fixed)
+    H = e.H[free, free] + _RIDGE * e.motion[free, free]
+    H += 1e-12 * max(1.0, float(np.diag(H).max(initial=0.0))) * np.eye(len(H))
     g = e.g[free]
     if held is not None and len(held):
         # Motions are square to the held ones in the metric of the motion itself.
