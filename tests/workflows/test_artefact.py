@@ -36,15 +36,15 @@ def test_a_target_is_found_and_to_scale_to_a_pixel(board: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wish", "count", "side", "size"),
+    ("spec", "count", "side", "size"),
     [({}, 9, 24.0, 194.0), ({"markers": "DICT_5X5_50:14", "diameter": 150.0}, 12, 14.0, 150.0)],
 )
 def test_the_markers_of_a_dial_are_found_where_it_says(
-    wish: dict[str, object], count: int, side: float, size: float
+    spec: dict[str, object], count: int, side: float, size: float
 ) -> None:
-    (data,) = artefact("dial", sheet="png", **wish).values()  # type: ignore[arg-type]
+    (data,) = artefact("dial", sheet="png", **spec).values()  # type: ignore[arg-type]
     picture = np.asarray(Image.open(io.BytesIO(data)).convert("L"))
-    dictionary = str(wish.get("markers", "DICT_4X4_50")).partition(":")[0]
+    dictionary = str(spec.get("markers", "DICT_4X4_50")).partition(":")[0]
     seen = detect_markers(picture, dictionary)
     assert seen.numbers.tolist() == list(range(count))
     corners = seen.corners * PIXEL
@@ -95,7 +95,7 @@ def test_bodies_are_closed_and_verify_finds_their_nominal_dimensions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("form", "wish", "said"),
+    ("form", "spec", "said"),
     [
         ("teapot", {}, "no artefact 'teapot'"),
         ("ball-bar", {"diameter": 30.0, "distance": 30.0}, "1.2 diameters apart"),
@@ -110,9 +110,9 @@ def test_bodies_are_closed_and_verify_finds_their_nominal_dimensions() -> None:
         ("dial", {"markers": "DICT_7:20"}, "no marker dictionary is called 'DICT_7'"),
     ],
 )
-def test_what_cannot_be_is_one_line(form: str, wish: dict[str, object], said: str) -> None:
+def test_what_cannot_be_is_one_line(form: str, spec: dict[str, object], said: str) -> None:
     with pytest.raises(InputError) as e:
-        artefact(form, **wish)  # type: ignore[arg-type]
+        artefact(form, **spec)  # type: ignore[arg-type]
     assert said in str(e.value)
     assert "\n" not in str(e.value)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import multiprocessing
 import os
 import signal
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -24,6 +26,7 @@ from turnscan import workflows
 from turnscan.errors import DeviceTimeout, ExportError, FormatError, InputError, StorageFull
 from turnscan.progress import Cancelled, Progress
 from turnscan.workflows import _batch_scratch, _batch_task, _batch_workers
+from turnscan.workflows._batch_outcomes import Outcomes, PackedOutcome
 from turnscan.workflows._batch_recipe import recipe_from_text
 from turnscan.workflows._batch_scratch import scratch
 from turnscan.workflows._batch_table import write_tables
@@ -128,6 +131,41 @@ def test_a_scan_that_moved_is_known_and_troubles_that_pass_are_not_kept(
     assert "%23" in (out / "index.html").read_text()
     (out / first.folder / "outcome.json").write_text("")
     assert not _batch_task.run_task(tasks[0]).reused
+
+
+def test_outcomes_of_a_batch_are_packed_and_the_same() -> None:
+    findings = tuple(
+        {
+            "code": f"points.volume{k}",
+            "severity": "note",
+            "message": f"{k} points kept",
+            "where": "",
+        }
+        for k in range(5)
+    )
+    figures = {"faces": 1656, "volume_mm3": None, "bounds_mm": [[-18.6, -18.5, 2.1]]}
+    told = [
+        Outcome(f"/in/part{k}", "done", f"part{k}", "", k / 3, {**figures, "points": k},
+                findings=findings, files=("a.stl",), reused=k % 2 == 0)
+        for k in range(300)
+    ]  # fmt: skip
+    tracemalloc.start()
+    try:
+        first = PackedOutcome(told[0])
+        kept = Outcomes([PackedOutcome(outcome, first) for outcome in told])
+        each = tracemalloc.get_traced_memory()[0] / len(told)
+    finally:
+        tracemalloc.stop()
+    assert each < 1000, "of 4 kB each"
+    assert list(kept) == told
+    assert (kept[-1], list(kept[:2]), len(kept)) == (told[-1], told[:2], 300)
+    assert kept == Outcomes(kept._packed)
+    assert kept != told
+
+
+def test_a_figure_that_is_not_known_is_null_in_an_outcome() -> None:
+    told = Outcome("/in/a", "done", "a", "", 1.0, {"area_mm2": math.nan, "box": [math.inf, 2.0]})
+    assert PackedOutcome(told).outcome().figures == {"area_mm2": None, "box": [None, 2.0]}
 
 
 def test_pictures_compared_with_a_reference_pass_or_fail(cans: Path, tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def test_the_modern_rig_within_its_limits_and_its_moved_laser_found_by_the_third
         beam = replace(made.beams[0], apex=made.beams[0].apex + by)
         moved_rig = replace(rig, sheets=(sheet,))
         world = World(replace(made, rig=moved_rig, beams=(beam,)), d.world.faults, None)
-        seen = Simulated(d.wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+        seen = Simulated(d.spec, world, SimCamera(world), SimTurntable(world), SimLasers(world))
         scans.append(tmp_path / f"{k}.turnscan")
         scan_into_file(seen, plan_of(seen), scans[-1], "sparse")
     history = tmp_path / "h"

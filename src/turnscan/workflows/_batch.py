@@ -15,10 +15,11 @@ from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option
 from turnscan.threads import thread_count
 from turnscan.workflows import _batch_storage as storage
+from turnscan.workflows._batch_outcomes import Outcomes, PackedOutcome
 from turnscan.workflows._batch_recipe import Recipe, read_recipe
 from turnscan.workflows._batch_scratch import swept
 from turnscan.workflows._batch_table import HTML, write_tables
-from turnscan.workflows._batch_task import Outcome, Task
+from turnscan.workflows._batch_task import Task
 from turnscan.workflows._batch_workers import Patience, on_cluster, on_this_machine
 
 
@@ -27,7 +28,7 @@ class Batch:
     """What became of the scans of a batch, in their order."""
 
     folder: str
-    outcomes: tuple[Outcome, ...]
+    outcomes: Outcomes
 
     @property
     def failed(self) -> bool:
@@ -119,15 +120,15 @@ def batch(
         if dask is not None
         else on_this_machine(tasks, workers or thread_count(), patience)
     )
-    outcomes: dict[str, Outcome] = {}
+    came: dict[str, PackedOutcome] = {}
     progress(0.0, f"0 of {len(tasks)} scans")
     with closing(running):  # its workers end when the progress cancels
         for outcome in running:
-            outcomes[outcome.source] = outcome
-            progress(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} scans")
+            came[outcome.source] = PackedOutcome(outcome, next(iter(came.values()), None))
+            progress(len(came) / len(tasks), f"{len(came)} of {len(tasks)} scans")
     if not storage.is_address(folder):
         swept(Path(folder))
-    done = Batch(folder, tuple(outcomes[place] for place in places))
+    done = Batch(folder, Outcomes(came[place] for place in places))
     _write(done)
     return done
 

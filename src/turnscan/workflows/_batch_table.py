@@ -7,7 +7,7 @@ import html
 import io
 import sqlite3
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -50,22 +50,21 @@ def _readable(text: str) -> str:
 
 def write_tables(folder: Path, outcomes: Sequence[Outcome]) -> None:
     """Write the three tables of all outcomes. Raises ExportError."""
-    rows = [row_of(outcome) for outcome in outcomes]
     text = io.StringIO()
     writer = csv.DictWriter(text, _HEAD, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(map(row_of, outcomes))
     write_atomically(folder / CSV, text.getvalue().encode())
-    write_atomically(folder / HTML, _page(outcomes, rows).encode())
+    write_atomically(folder / HTML, _page(outcomes).encode())
     try:
-        _write_sqlite(folder / SQLITE, outcomes, rows)
+        _write_sqlite(folder / SQLITE, outcomes)
     except sqlite3.Error as e:
         raise ExportError(
             f"{folder / SQLITE}: {e}", hint="remove the file if it is damaged, and repeat"
         ) from e
 
 
-def _write_sqlite(path: Path, outcomes: Sequence[Outcome], rows: Iterable[dict[str, Any]]) -> None:
+def _write_sqlite(path: Path, outcomes: Sequence[Outcome]) -> None:
     """Every run adds a row for each scan, so that the history of a scan can be asked for."""
     now = time.time()
     columns = ", ".join(_HEAD)
@@ -74,15 +73,22 @@ def _write_sqlite(path: Path, outcomes: Sequence[Outcome], rows: Iterable[dict[s
         marks = ", ".join("?" * (len(_HEAD) + 2))
         db.executemany(
             f"INSERT INTO results VALUES ({marks})",  # noqa: S608 (question marks only)
-            [
-                (now, *(row[name] for name in _HEAD), outcome.to_json())
-                for outcome, row in zip(outcomes, rows, strict=True)
-            ],
+            ((now, *_cells(outcome), outcome.to_json()) for outcome in outcomes),
         )
 
 
-def _page(outcomes: Sequence[Outcome], rows: Sequence[dict[str, Any]]) -> str:
-    states = [outcome.state for outcome in outcomes]
+def _cells(outcome: Outcome) -> list[object]:
+    """A row's values in the order of the columns."""
+    row = row_of(outcome)
+    return [row[name] for name in _HEAD]
+
+
+def _page(outcomes: Sequence[Outcome]) -> str:
+    states = list[str]()
+    rows = list[str]()
+    for outcome in outcomes:  # each is unpacked once
+        states.append(outcome.state)
+        rows.append(_row(outcome, row_of(outcome)))
     said = ", ".join(
         f"{states.count(state)} {word}"
         for state, word in (
@@ -91,7 +97,7 @@ def _page(outcomes: Sequence[Outcome], rows: Sequence[dict[str, Any]]) -> str:
         if state in states
     )  # fmt: skip
     head = ("", "scan", "state", "faces", "volume mm³", "p95 mm", "warnings", "s")
-    cells = "\n".join(map(_row, outcomes, rows))
+    cells = "\n".join(rows)
     titles = "".join(f"<th>{name}</th>" for name in head)
     table = f"<table>\n<thead><tr>{titles}</tr></thead>\n<tbody>\n{cells}\n</tbody>\n</table>"
     return page("Batch", [paragraph(f"{len(outcomes)} scans: {said}."), heading("Scans"), table])

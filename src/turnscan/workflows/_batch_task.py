@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import shutil
 import time
@@ -83,10 +84,19 @@ class Outcome:
     """Whether it was there already."""
 
     def to_json(self) -> str:
-        """As a JSON object; `outcome_from_json` reads it."""
+        """As a JSON object; `outcome_from_json` reads it. A figure that is not known is null."""
         body = {"format": _FORMAT, "version": _VERSION, **asdict(self)}
         del body["reused"]
-        return json.dumps(body, indent=2)
+        return json.dumps(_with_nulls(body), indent=2, allow_nan=False)
+
+
+def _with_nulls(value: Any) -> Any:
+    """The same with None for NaN and infinity, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _with_nulls(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_nulls(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def outcome_from_json(text: str, where: str, *, reused: bool = False) -> Outcome:

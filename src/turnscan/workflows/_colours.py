@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.drawings import Colour
+from turnscan.surface.holes import Cause
 
 GREY: Colour = (190, 190, 190)
 """Grey: not measured, or no shape."""
@@ -16,6 +17,19 @@ DISTINCT: tuple[Colour, ...] = (
     (204, 121, 167), (148, 103, 189), (140, 86, 75), (23, 190, 207),
 )  # fmt: skip
 """Of things by number: neighbours differ (Okabe & Ito, then others)."""
+CAUSE_COLOURS: Final[dict[Cause, Colour]] = {
+    "laser": (213, 94, 0),
+    "camera": (204, 121, 167),
+    "grazing": (86, 180, 233),
+    "dark": (30, 30, 30),
+    "saturated": (255, 255, 255),
+    "outside": (148, 103, 189),
+    "ambiguous": (140, 86, 75),
+    "removed": (0, 158, 115),
+    "unknown": GREY,
+    "deleted": (255, 105, 180),
+}
+"""Of holes and gaps by their causes; none is on the map of sigma."""
 DEVIATION = "RdYlBu_r"
 """Matplotlib's map of deviations, from inside (blue) to outside (red)."""
 DEVIATION_STEPS: tuple[tuple[str, Colour], ...] = (

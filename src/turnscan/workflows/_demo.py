@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.arrays import Image
+from turnscan.arrays import Floats, Image
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.formats import ExportOptions
@@ -27,6 +27,7 @@ from turnscan.workflows._demo_report import DemoFrame, demo_report, frame_figure
 from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._png import write_png
+from turnscan.workflows._quality_map import quality_figure, quality_line, sigmas
 from turnscan.workflows._report import about, summary
 from turnscan.workflows._saving import save
 from turnscan.workflows._simulated import plan_of, scan_into_file, truth
@@ -45,6 +46,8 @@ class Demonstration:
     """The surface in words, one line each."""
     deviation: Deviation
     """Of each measured vertex from the true surface; nothing was fitted or aligned."""
+    sigma: Floats
+    """(v,) mm: what the surface says of each vertex by itself."""
     seconds: tuple[tuple[str, float], ...]
     """How long each part of the work took."""
 
@@ -57,6 +60,7 @@ class Demonstration:
             "deviation from the true shape, measured with the true rig: "
             f"mean {d.mean:+.3f} mm, rms {d.rms:.3f} mm, 95 % within {d.quantile(0.95):.3f} mm, "
             f"worst {np.abs(d.distance).max():.3f} mm",
+            quality_line(self.sigma, d.distance),
             *(f"{path}: {path.stat().st_size / 1e6:.2f} MB" for path in self.files),
         ]
 
@@ -134,19 +138,23 @@ def demo(
     clock.lap("writing DXF, STL and PLY, each read back")
     progress(0.9, "comparing with the true shape")
     found = deviation(done.mesh.vertices, truth(devices))
-    text = demo_report(devices, done, closed, closing, found, frames, clock.laps)
+    quality, sigma = quality_figure(done.mesh, done.holes, found.distance), sigmas(done.mesh)
+    told = quality, quality_line(sigma, found.distance)
+    text = demo_report(devices, done, closed, closing, found, told, frames, clock.laps)
     write_atomically(output / "report.html", text.encode())
     pictures: dict[str, Image | Figure] = {
         "stripe": frame_figure(frames[0]),
         "grid": grid_figure(done.grids[0]),
         "mesh": done.mesh.show(azimuth=0.6).pixels,
+        "quality": quality,
         "deviation": deviation_figure(done.mesh, found),
     }
     for picture, image in pictures.items():
         write_atomically(output / f"{picture}.png", html.png(image))
     clock.lap("comparing with the true shape, report")
     files = tuple(sorted(p for p in output.iterdir() if p.is_file()))
-    return Demonstration(output, files, tuple(summary(done, rig)), found, tuple(clock.laps))
+    surface = tuple(summary(done, rig))
+    return Demonstration(output, files, surface, found, sigma, tuple(clock.laps))
 
 
 def _make(folder: Path) -> None:

@@ -19,6 +19,7 @@ from turnscan.simulate import Simulated
 from turnscan.stripes import Stripe
 from turnscan.workflows import _html as html
 from turnscan.workflows._deviation_map import deviation_figure
+from turnscan.workflows._quality_map import PARTS
 from turnscan.workflows._report import summary
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def demo_report(
     repaired: Mesh,
     closing: Sequence[Finding],
     found: Deviation,
+    quality: tuple[Figure, str],
     frames: Sequence[DemoFrame],
     times: Sequence[tuple[str, float]],
 ) -> str:
@@ -49,8 +51,8 @@ def demo_report(
     part = bench.scene.bodies[0].part.name
     parts = [
         html.paragraph(
-            f"A simulated scan of the part “{part}” with the rig “{devices.wish.rig}”, seed "
-            f"{devices.wish.seed}. The pictures hold speckle, photon and read noise, shadows and "
+            f"A simulated scan of the part “{part}” with the rig “{devices.spec.rig}”, seed "
+            f"{devices.spec.seed}. The pictures hold speckle, photon and read noise, shadows and "
             "defocus. The reconstruction uses the true rig of the simulator, so the deviations "
             "below contain no error of a calibration."
         ),
@@ -71,6 +73,15 @@ def demo_report(
             "Repaired. Surface that was never lit is interpolated here, for instance the inside "
             "of a vessel.",
         ),
+        html.heading("Quality"),
+        html.picture(
+            quality[0],
+            "What the surface says of itself: the standard uncertainty of its points, and why "
+            f"there are holes. Does it tell good from poor? The points in {PARTS} equal parts, "
+            "from the least sigma to the largest: how far they are off in truth, which only a "
+            "simulation knows, and what their sigma says.",
+        ),
+        html.paragraph(quality[1]),
         html.heading("Deviation from the true shape"),
         html.picture(
             deviation_figure(done.mesh, found),

@@ -273,6 +273,8 @@ def _brought(
 
 
 def _then(actions: list[Action], history: History, action: Action) -> History:
+    if history.is_at(action):
+        return history
     actions.append(action)
     return history.after(action)
 

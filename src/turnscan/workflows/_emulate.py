@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.formats import ExportOptions
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import rig_to_json
-from turnscan.simulate import simulated, wish_of
+from turnscan.simulate import simulated, spec_of
 from turnscan.workflows._emulate_options import EmulateOptions
 from turnscan.workflows._files import check_writable, write_atomically
 from turnscan.workflows._saving import save
@@ -108,12 +108,12 @@ def emulate(
     from turnscan.simulate.controllers import Emulator
 
     o = options or EmulateOptions()
-    wish, faults = wish_of(scene if scene.startswith("sim:") else f"sim:{scene}")
+    spec, faults = spec_of(scene if scene.startswith("sim:") else f"sim:{scene}")
     if faults.drop or faults.stale:
         raise InputError("drop, stale: faults of the simulated camera, not of the served one")
     for path in filter(None, (rig, truth_mesh)):
         check_writable(path)
-    bench = simulated(wish, faults)
+    bench = simulated(spec, faults)
     emulator = Emulator(dialect, bench, port=port, camera=not o.no_camera, hurry=o.hurry)
     if rig is not None:
         write_atomically(rig, rig_to_json(bench.world.bench.rig).encode())

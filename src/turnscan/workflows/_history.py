@@ -44,14 +44,14 @@ def refuse_over_repairs(path: Path) -> None:
         )
 
 
-def wanted_history(scan: Scan, wish: str) -> History:
+def wanted_history(scan: Scan, asked: str) -> History:
     """``own``, ``none``, or the edits of another scan file or of a JSON file.
 
     Raises InputError where no such file, FormatError, ScanNewer, ScanCorrupt.
     """
-    if wish == "none":
+    if asked == "none":
         return History()
-    return history_of(scan) if wish == "own" else read_history(Path(wish))
+    return history_of(scan) if asked == "own" else read_history(Path(asked))
 
 
 def read_history(path: Path) -> History:

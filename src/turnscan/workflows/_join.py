@@ -327,7 +327,7 @@ def _merged(
     pairs = list(zip(read, found.poses, strict=True))
     grids = [placed(g, p, f"{s.name} {g.laser}") for s, p in pairs for g in s.grids]
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
-    opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps), progress=progress)
+    opened, mesh, remarks, _ = to_mesh(grids, replace(settings, caps=caps), progress=progress)
     findings += poses.alignment_findings(found) + remarks
     source = replace(
         source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)), placed=_views(pairs)

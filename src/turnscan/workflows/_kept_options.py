@@ -10,7 +10,7 @@ import os
 import stat
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -168,9 +168,10 @@ def checked_edit(wanted: Edit) -> Edit:
     that no set can have.
     """
     if isinstance(wanted, SetEdit):
-        _check_own_name(wanted.name)
+        name = _own_name(wanted.name)
+        wanted = replace(wanted, name=name) if isinstance(wanted, KeepSet) else wanted
     if isinstance(wanted, RenameSet):
-        _check_own_name(wanted.to)
+        wanted = replace(wanted, to=_own_name(wanted.to))
     if not isinstance(wanted, ChangeSettings | KeepSet):
         return wanted
     check_name(wanted.name)
@@ -178,10 +179,13 @@ def checked_edit(wanted: Edit) -> Edit:
     return whole if isinstance(wanted, ChangeSettings) else KeepSet(whole.name, whole.options)
 
 
-def _check_own_name(name: str) -> None:
+def _own_name(name: str) -> str:
+    """A name without blanks at its ends. Raises InputError where it is none."""
     check_name(name)
+    name = name.strip()
     if name in (DEFAULT_SET, OWN_SETTINGS):
         raise InputError(f"{name!r}: not the name of a set of one's own", hint="choose another")
+    return name
 
 
 def edit_in_words(edit: Edit) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from turnscan.errors import InputError
+from turnscan.remedy import Option, Remedy
 from turnscan.workflows import _choices as choices
 from turnscan.workflows._declare import Checked, option
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from turnscan.stripes import Choice, Refinement
     from turnscan.surface.fusion import MergeMethod
     from turnscan.surface.holes import Bottom, ClosingOptions, FillHow, Top
+
+_BELOW = Remedy("choose ", Option("z_min"), " below ", Option("z_max"))
 
 
 @dataclass(frozen=True)
@@ -241,7 +244,7 @@ class ReconstructOptions(Checked):
         if self.z_min is not None and self.z_max is not None and self.z_max <= self.z_min:
             raise InputError(
                 f"no height between {self.z_min} and {self.z_max} mm",
-                hint="choose z_min below z_max",
+                hint=_BELOW,
             )
 
     @property
@@ -305,8 +308,6 @@ class ReconstructOptions(Checked):
         low = usual[0].z_min if self.z_min is None else self.z_min
         high = usual[0].z_max if self.z_max is None else self.z_max
         if high <= low:
-            raise InputError(
-                f"no height between {low} and {high} mm", hint="choose z_min below z_max"
-            )
+            raise InputError(f"no height between {low} and {high} mm", hint=_BELOW)
         reach = max(v.r_max for v in usual) if self.radius is None else self.radius
         return Volume(reach, low, high)

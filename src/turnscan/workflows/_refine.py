@@ -35,6 +35,9 @@ from turnscan.workflows._refine_options import RefineOptions
 
 _DETECTION, _PLACED = 0.6, 0.65
 """Of the work, until all stripes are found, and until it is known how the part lay."""
+_BENT = (0.0, 0.1, 0.2, 0.3)
+"""Of the distance by which a rig may put points beside their places: how much of it bends shapes,
+instead of moving them as a whole."""
 _QUICK = RefineSettings(geometry=False, rounds=1, queries=1500)
 
 
@@ -228,13 +231,27 @@ def _seen(path: Path, rig: Rig | None, before: Sequence[_Seen], progress: Progre
 def _placed(seen: Sequence[_Seen], progress: Progress) -> tuple[Pose, ...]:
     """Where the part lay in the second pose and those that follow, by the shape that was seen.
 
-    The surfaces are as wrong as the rig: how well they agree is not judged yet.
+    The surfaces are as wrong as the rig, and agree no better. How much of its uncertainty bends
+    shapes is not known: little at first, and more where they fit nowhere, or fit in several ways.
     """
     if len(seen) < 2:
         return ()
-    views = [poses.view(one.name, one.surfaces) for one in seen]
-    tick = progress.subrange(0, 1, "placing the poses").counter(len(views))
-    return tuple(poses.align(views, poses.place(views, tick)).poses[1:])
+    doubt = [max(sweep.doubt(one.rig) for sweep in one.sweeps) for one in seen]
+    plain = [poses.view(one.name, one.surfaces) for one in seen]
+    refused: InputError | None = None
+    for k, share in enumerate(_BENT):
+        part = progress.subrange(k / len(_BENT), (k + 1) / len(_BENT), "placing the poses")
+        views = [
+            replace(v, sigma=np.hypot(v.sigma, share * d))
+            for v, d in zip(plain, doubt, strict=True)
+        ]
+        try:
+            found = poses.place(views, part.counter(len(views)))
+            return tuple(poses.align(views, found).poses[1:])
+        except InputError as error:
+            refused = refused or error
+    assert refused is not None
+    raise refused
 
 
 def _sweeps(

@@ -259,4 +259,6 @@ def section_in_words(section: FittedSection) -> list[str]:
         for s in outline.sizes:
             if s.kind == "distance":
                 lines.append(f"    parallel lines {with_sigma(s.value, s.sigma)} mm apart")
+    if why := section.unstated:
+        lines.append(f"  {why}")
     return lines

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,11 +47,13 @@ def region_where(
 
     tick = progress.subrange(0, 0.6, "reconstructing").counter(len(scan))
     seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
-    body = edit.Document.open(built, history).body
+    document = edit.Document.open(built, history)
+    body = document.body
     live = edit.Compact.of(body)
     chosen = np.zeros(len(live.mesh.faces), dtype=np.bool_)
+    done = replace(made[-1], cut=document.cut())
     for rule in rules:
-        chosen |= select(made[-1], live.mesh, rule)
+        chosen |= select(done, live.mesh, rule)
     if rounds:
         near = edit.beside(live.mesh)
         more = rounds > 0
@@ -82,7 +85,7 @@ def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
         case "cause":
             if value not in CAUSE_WORDS:
                 raise _odd(rule, "one of " + ", ".join(CAUSE_WORDS))
-            borders = holes.explain(mesh, holes.holes(mesh), done.sought)
+            borders = holes.explain(mesh, holes.holes(mesh), done.sought, done.cut)
             return edit.by_cause(mesh, borders, {c for c in CAUSE_WORDS if c == value})
         case "pieces":
             return edit.by_size(mesh, int(_numbers(rule, [value], 1)[0]))

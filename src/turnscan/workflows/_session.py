@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import secrets
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -47,6 +48,7 @@ from turnscan.workflows._kept_options import (
     kept_options,
 )
 from turnscan.workflows._measure import Measured, measure
+from turnscan.workflows._quality_map import has_sigmas, sigmas
 from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
@@ -74,6 +76,7 @@ from turnscan.workflows._session_mesh import (
     preview_arrays,
     surface_arrays,
 )
+from turnscan.workflows._session_nothing import Left, nothing_made
 from turnscan.workflows._session_settings import ShownSettings, shown_settings
 from turnscan.workflows._session_shapes import ShownShapes, shown_shapes
 from turnscan.workflows._session_state import (
@@ -92,6 +95,11 @@ MOST_HOLES = 1000
 """So many are reported at once."""
 _MOST_DETECTIONS = 3
 """Stripes found with other settings that are held, so that undo does not look for them again."""
+_PICTURED = 150_000
+"""Triangles that a small picture shows at most: several for each of its pixels."""
+_EPOCH_BITS = 52
+"""Of the number that a session's epochs begin with, so that no two sessions of a scan share one;
+the protocol and the browsers' numbers have one more."""
 _DETECTION = 0.8
 """Of the work of opening a scan, until all stripes are found."""
 
@@ -133,7 +141,7 @@ class ScanSession:
             history = history_of(self.scan)
             rest = self._prepared(history, progress)
             document = edit.Document.open(self._build, history, rest, self._source)
-            self.now = self._state(document, 0, 0)
+            self.now = self._state(document, 0, secrets.randbits(_EPOCH_BITS))
         except BaseException:
             self.scan.close()
             raise
@@ -190,6 +198,7 @@ class ScanSession:
             s.caps,
             along=s.along,
             tears=s.tears,
+            cut=state.document.cut(),
         )
         told = about(self.path, self._rig, s, done.edits)
         return ReconstructResult(done, told, self._rig, options=state.options)
@@ -239,7 +248,12 @@ class ScanSession:
 
     def thumbnail(self) -> bytes:
         """A small picture of the surface as PNG, shaded, on a transparent ground."""
-        mesh = edit.Compact.of(self.now.document.body).mesh
+        body = self.now.document.body
+        if np.count_nonzero(body.alive) > _PICTURED:
+            few = coarse_arrays(body, _PICTURED)
+            mesh = Mesh(few["positions"], few["faces"])
+        else:
+            mesh = edit.Compact.of(body).mesh
         return png(mesh.show(size=THUMBNAIL, transparent=True).pixels)
 
     def holes(
@@ -303,6 +317,15 @@ class ScanSession:
         """
         state = self.now
         return state, {"touch": touched(state.document, state.grids)}
+
+    def quality(self) -> tuple[SessionState, Arrays]:
+        """``sigma`` (v,) mm, of the region about each vertex as in reports (`sigmas`), or NaN."""
+        state = self.now
+        part = edit.Compact.of(state.document.body)
+        sigma = np.full(len(state.document.body.mesh.vertices), np.nan)
+        if has_sigmas(part.mesh):
+            sigma[part.vertex_ids] = sigmas(part.mesh)
+        return state, {"sigma": sigma}
 
     # Repairing: until its result is stored, each may be cancelled, and then nothing has happened
 
@@ -432,7 +455,8 @@ class ScanSession:
         Nothing is kept, and edits go on meanwhile. ``step`` None takes the middle one; ``check``
         raises Cancelled to end it. Raises InputError for settings that cannot be.
         """
-        wanted = chosen(ReconstructOptions, None, options).settings(self._rig, self.scan)
+        typed = chosen(ReconstructOptions, None, options)
+        wanted = typed.settings(self._rig, self.scan)
         state = self.now
         grid = _numbered(state, number)
         rows = np.flatnonzero(grid.steps == step)
@@ -448,8 +472,9 @@ class ScanSession:
         )
         rebuilt = [e for e in state.document.history.enabled if edit.needs_rebuild(e.edit)]
         at = grid.laser, float(grid.angles[row])
-        before = Way(state.settings, found_before(seen))
-        return state, tried(seen, at, before, Way(wanted, find), repairs(rebuilt), self.scan, check)
+        before = Way(state.options, state.settings, found_before(seen))
+        after = Way(typed, wanted, find)
+        return state, tried(seen, at, before, after, repairs(rebuilt), self.scan, check)
 
     def compare_settings(
         self,
@@ -510,7 +535,11 @@ class ScanSession:
 
     def _step(self, action: Callable[[edit.History], edit.Action], work: Work) -> None:
         with self._open():
-            self._keep(*self._after(action(self.now.document.history), work.progress), work)
+            history = self.now.document.history
+            wanted = action(history)
+            if history.is_at(wanted):
+                return  # nothing to keep: whoever edits meanwhile is not told that all has changed
+            self._keep(*self._after(wanted, work.progress), work)
 
     def _after(self, action: edit.Action, progress: Progress) -> tuple[edit.Document, edit.Change]:
         document = self.now.document
@@ -526,11 +555,11 @@ class ScanSession:
                 "another edit changed the surface meanwhile; this one was not made",
                 hint="check the surface, then repeat",
             )
-        wish = dict(value)
+        asked = dict(value)
         region = _region(self.now.document.body, faces)
         if region is not None:
-            wish["where"] = region
-        wanted = checked_edit(edit.edit_from_value(wish))
+            asked["where"] = region
+        wanted = checked_edit(edit.edit_from_value(asked))
         words = work.title = edit_in_words(wanted)
         if isinstance(wanted, edit.ChangeSettings) and self._in_use(wanted):
             raise InputError("these settings are in use", hint="change one of them")
@@ -540,6 +569,8 @@ class ScanSession:
         settings = isinstance(wanted, edit.ChangeSettings)
         said_of = document.remarks if settings else change.findings
         refused = next((f for f in said_of if f.severity == "error"), None)
+        if settings and not document.body.alive.any():
+            refused = self._nothing_of(document)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
         still = edit.is_measure(wanted) or edit.is_written(wanted)
@@ -547,6 +578,16 @@ class ScanSession:
             said = "; ".join(f.message for f in change.findings)
             raise InputError(said or f"{words} changes nothing here")
         return document, change
+
+    def _nothing_of(self, document: edit.Document) -> Finding:
+        """Why the settings of a document leave no face."""
+        entries = document.history.enabled
+        options, s = self._options(entries)
+        numbers = tuple(e.id for e in entries if edit.needs_rebuild(e.edit))
+        found = [d.stripes.stripes for d in self._seen[s.stripes, s.volume]]
+        shown = sum(bool(stripe.found.any()) for stripes in found for stripe in stripes)
+        left = Left.of(sum(map(len, found)), shown, self._built[numbers].grids)
+        return nothing_made(left, self.now.options, options)
 
     def _in_use(self, wanted: edit.ChangeSettings) -> bool:
         return ReconstructOptions(**wanted.options) == self.now.options  # type: ignore[arg-type]
@@ -650,7 +691,7 @@ class ScanSession:
         with self._looking:
             if self._found is None or self._found[0] != state.revision:
                 mesh = edit.Compact.of(state.document.body).mesh
-                found = explain(mesh, holes(mesh), state.sought)
+                found = explain(mesh, holes(mesh), state.sought, state.document.cut())
                 found = sorted(found, key=lambda h: -h.size)
                 self._found = state.revision, mesh, found
             return self._found[1:]

@@ -165,6 +165,7 @@ def _causes(grid: RangeGrid) -> npt.NDArray[np.uint8]:
     cause: npt.NDArray[np.uint8] = np.full(grid.flags.shape, _NUMBER["removed"], np.uint8)
     for flag, name in _FLAG_CAUSES:
         cause[(grid.flags & int(flag)) != 0] = _NUMBER[name]
+    cause[grid.flags == StripeFlag.HAND] = _NUMBER["deleted"]
     cause[grid.found] = 0
     return cause
 

@@ -17,6 +17,8 @@ from turnscan.errors import InputError
 from turnscan.mesh import Mesh, Provenance
 from turnscan.workflows._loading import load
 
+_FACES_AT_ONCE = 100_000
+"""Faces that are looked at at once, which bounds the memory."""
 Arrays = dict[str, npt.NDArray[Any]]
 
 
@@ -118,11 +120,12 @@ def coarse_arrays(body: edit.Body, faces: int) -> Arrays:
     if len(living) <= faces:
         used, numbers = _numbered(body.mesh, body.alive)
         return {"positions": body.mesh.vertices[used], "faces": numbers}
-    corners = body.mesh.vertices[living]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = float(np.linalg.norm(cross, axis=1).sum() / 2.0)
+    area = sum(
+        _area(body.mesh.vertices, living[k : k + _FACES_AT_ONCE])
+        for k in range(0, len(living), _FACES_AT_ONCE)
+    )
     side = math.sqrt(2.0 * area / max(faces, 100))  # two faces in each cell of the surface
-    low = corners.min(axis=(0, 1))
+    low = np.min([body.mesh.vertices[living[:, k]].min(axis=0) for k in range(3)], axis=0)
     cell = np.floor((body.mesh.vertices - low) / max(side, 1e-9)).astype(np.int64)
     cell = np.clip(cell, 0, 2**20)
     _, which = np.unique((cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2], return_inverse=True)
@@ -131,6 +134,12 @@ def coarse_arrays(body: edit.Body, faces: int) -> Arrays:
     merged = which[living]
     apart = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
     return {"positions": np.stack(sums, axis=-1) / count[:, None], "faces": merged[apart]}
+
+
+def _area(vertices: Floats, faces: Ints) -> float:
+    """mm² of some faces."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
 
 
 def _surface(

@@ -51,7 +51,7 @@ class SessionState:
     """What the scan could have seen, for the causes of holes."""
     revision: int
     epoch: int
-    """Counts the surfaces whose faces have other numbers."""
+    """Counts the surfaces whose faces have other numbers, from a random number on."""
     figures: edit.Figures
     options: ReconstructOptions
     """What the surface was made with."""

@@ -22,7 +22,9 @@ from turnscan.settings import Settings
 from turnscan.shapes import deviation
 from turnscan.surface import thin
 from turnscan.workflows._reconstruct import below_stored
+from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._session_mesh import Arrays
+from turnscan.workflows._session_nothing import Left, nothing_made
 
 _REACH = 12
 """Profiles on each side of the one at hand that the patch has."""
@@ -72,7 +74,9 @@ class Trial:
 class Way:
     """One of the two: settings, and the stripes found with them."""
 
+    options: ReconstructOptions
     settings: Settings
+    """The same, with the rig."""
     find: Callable[[str, Longs], Detection | None]
     """The stripes of a laser in frames, by their places among those that were found."""
 
@@ -117,8 +121,8 @@ def tried(
     """Make the profile at hand, others, and the patch about it in two ways.
 
     ``seen`` is what was found last, ``at`` a laser and the angle of the profile at hand, rad;
-    ``edits`` are those of the grid; ``check`` raises to end it. Raises InputError where the new
-    settings cannot be.
+    ``edits`` are those of the grid; ``check`` raises to end it. Where no face is left of the new
+    patch, the first finding says why. Raises InputError where the new settings cannot be.
     """
     laser, angle = at
     main = next(d for d in seen if d.view.laser == laser)
@@ -134,16 +138,18 @@ def tried(
         check()
         pair = (_profile(way, main, k, edits) for way in (old, new))
         profiles.append(TriedProfile(main.stripes.steps[k], *pair))
-    before = _patch(old, seen, main, middle, edits)
+    before, _ = _patch(old, seen, main, middle, edits)
     check()
-    after = _patch(new, seen, main, middle, edits)
+    after, left = _patch(new, seen, main, middle, edits)
     check()
     distance = np.full(len(after.vertices), np.nan)
     if len(before.faces) and len(after.vertices):
         off = deviation(after.vertices, before)
         distance = np.where(off.beyond, np.nan, off.distance)
-    said = tuple(below_stored(scan, new.settings.stripes.threshold))
-    return Trial(laser, tuple(profiles), before, after, distance, said)
+    said = below_stored(scan, new.settings.stripes.threshold)
+    if not len(after.faces):
+        said = [nothing_made(left, old.options, new.options), *said]
+    return Trial(laser, tuple(profiles), before, after, distance, tuple(said))
 
 
 def _apart(angles: Floats, angle: float) -> Floats:
@@ -171,7 +177,7 @@ def _profile(way: Way, main: Detection, k: int, edits: Sequence[Entry]) -> Float
     """(n, 3) mm the profile nearest to frame k, NaN between pieces."""
     s = _of_part(way.settings)
     rows = _rows(way.settings, k, _LEAST, len(main.stripes.steps))
-    grids = _grids(way, [(main.view.laser, rows)], s, edits)
+    grids = _grids(_found(way, main.view.laser, rows), s, edits)
     nearest: tuple[float, Floats] = np.inf, np.zeros((0, 3))
     for grid in grids:
         spaced = thin(grid, s.along, s.tears)
@@ -184,31 +190,41 @@ def _profile(way: Way, main: Detection, k: int, edits: Sequence[Entry]) -> Float
     return nearest[1]
 
 
-def _grids(
-    way: Way, wanted: Sequence[tuple[str, Longs]], s: Settings, edits: Sequence[Entry]
-) -> list[RangeGrid]:
-    found = [d for laser, rows in wanted if (d := way.find(laser, rows)) is not None]
+def _found(way: Way, laser: str, rows: Longs) -> list[Detection]:
+    found = way.find(laser, rows)
+    return [] if found is None else [found]
+
+
+def _grids(found: Sequence[Detection], s: Settings, edits: Sequence[Entry]) -> list[RangeGrid]:
     return to_grids(found, s, edits).grids if found else []
 
 
 def _patch(
     way: Way, seen: Sequence[Detection], main: Detection, middle: int, edits: Sequence[Entry]
-) -> Mesh:
-    """The surface about a frame: of its laser, and of the others where they see the same part."""
+) -> tuple[Mesh, Left]:
+    """The surface about a frame: of its laser, and of the others where they see the same part.
+
+    With what was left of its frames.
+    """
     s = _of_part(way.settings)
     reach = max(_REACH // way.settings.every, _LEAST)
     rows = _rows(way.settings, middle, reach, len(main.stripes.steps))
-    grids = _grids(way, [(main.view.laser, rows)], s, edits)
+    found = _found(way, main.view.laser, rows)
+    grids = _grids(found, s, edits)
     sector = _azimuths(grids)
     for other in seen:
         if other is main or sector is None:
             continue
         mine = _in_sector(other, sector, way.settings, s, edits)
-        grids += _grids(way, [(other.view.laser, mine)], s, edits)
+        beside = _found(way, other.view.laser, mine)
+        found += beside
+        grids += _grids(beside, s, edits)
+    shown = sum(bool(stripe.found.any()) for d in found for stripe in d.stripes.stripes)
+    left = Left.of(len(rows), shown, grids)
     grids = [g for g in grids if g.found.any()]
     if not grids:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-    return to_mesh(grids, s, (), rig=main.view.rig, finish=False).opened
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), left
+    return to_mesh(grids, s, (), rig=main.view.rig, finish=False).opened, left
 
 
 def _azimuths(grids: Sequence[RangeGrid]) -> tuple[float, float] | None:
@@ -235,8 +251,9 @@ def _in_sector(
     """
     count = len(other.stripes.steps)
     some = np.unique(np.linspace(0, count - 1, min(count, 24)).astype(np.int64))
-    before = Way(replace(s, clean=None, denoise=None, between=None), found_before([other]))
-    placed = _grids(before, [(other.view.laser, some)], before.settings, edits)
+    plain = replace(s, clean=None, denoise=None, between=None)
+    known = found_before([other])(other.view.laser, some)
+    placed = _grids([] if known is None else [known], plain, edits)
     shifts = [
         float(_apart(np.arctan2(p[:, 1].sum(), p[:, 0].sum())[None], -float(angle))[0])
         for g in placed

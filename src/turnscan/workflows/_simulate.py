@@ -10,7 +10,7 @@ from typing import Any
 from turnscan.acquire import Exposure, Texture
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
-from turnscan.simulate import simulated, wish_of
+from turnscan.simulate import simulated, spec_of
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._history import refuse_over_repairs
@@ -89,9 +89,9 @@ def simulate(
         refuse_over_repairs(output)
     elif output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise InputError(f"{output}: exists and is not an empty folder", hint="name a new folder")
-    wish, faults = wish_of(scene if scene.startswith("sim:") else f"sim:{scene}")
-    wish = replace(wish, **wanted.changes())
-    devices = simulated(wish, faults)
+    spec, faults = spec_of(scene if scene.startswith("sim:") else f"sim:{scene}")
+    spec = replace(spec, **wanted.changes())
+    devices = simulated(spec, faults)
     plan = plan_of(devices, wanted.exposure)
     if wanted.texture is not None:
         plan = replace(plan, texture=Texture(Exposure(wanted.texture), wanted.texture_every))
@@ -101,4 +101,4 @@ def simulate(
     else:
         scan_into_folder(devices, plan, output, scanning)
     seconds = plan.exposures[0].seconds
-    return SimulatedScan(output, wish.scene, wish.rig, plan.steps, tuple(plan.lasers), seconds)
+    return SimulatedScan(output, spec.scene, spec.rig, plan.steps, tuple(plan.lasers), seconds)

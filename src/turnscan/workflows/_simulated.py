@@ -71,7 +71,7 @@ def hardware_of(devices: Simulated) -> Hardware:
 
 def _first_look(devices: Simulated, plan: Plan, keep: Keep) -> tuple[Hardware, FirstLook]:
     hardware = hardware_of(devices)
-    source = f"simulated {devices.wish.scene}, rig {devices.wish.rig}"
+    source = f"simulated {devices.spec.scene}, rig {devices.spec.rig}"
     return hardware, look(plan, hardware, keep=keep, source=source, weigh=laser_colour)
 
 

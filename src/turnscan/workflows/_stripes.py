@@ -36,6 +36,8 @@ class ScanStripes:
     """(s, n) px rms, NaN where there is none."""
     flags: Flags
     """(s, n) bits of `turnscan.stripes.StripeFlag`."""
+    scatter: Floats
+    """(s,) px: how far the centres of each frame scatter for their width (`Stripe.scatter`)."""
     orientation: Orientation
 
     @property
@@ -50,7 +52,7 @@ class ScanStripes:
     def stripe(self, k: int) -> Stripe:
         """The stripe of the k-th frame."""
         own = (self.position[k], self.sigma[k], self.amplitude[k], self.width[k])
-        return Stripe(*own, self.flags[k], self.orientation)
+        return Stripe(*own, self.flags[k], self.orientation, float(self.scatter[k]))
 
 
 def stripes_of(
@@ -110,5 +112,6 @@ def _arrays(
         rows("amplitude"),
         rows("width"),
         flags,
+        np.array([s.scatter for s in found], np.float64),
         plan.orientation,
     )

@@ -19,6 +19,7 @@ from turnscan.points import RangeGrid
 from turnscan.shapes import area
 from turnscan.surface.holes import CAUSE_WORDS, Hole, closings
 from turnscan.workflows._deviation_map import VIEWS
+from turnscan.workflows._quality_map import has_sigmas, quality_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -172,6 +173,10 @@ def surface_parts(done: Reconstruction) -> list[str]:
         if done.mesh is not before:
             text = f"after, {at}; pink: not measured"
             parts.append(html.picture(_picture(done.mesh, azimuth), text))
+    if has_sigmas(before):
+        parts.append(html.heading("Quality"))
+        text = "Standard uncertainty of the points as measured, mm, and the holes by their causes"
+        parts.append(html.picture(quality_figure(before, done.holes), text))
     return parts
 
 
