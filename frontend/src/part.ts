@@ -114,7 +114,11 @@ async function show(message: Opened): Promise<void> {
     grids.value = message.grids.map(() => null);
     if (!same) mark.value = profile.value = null;
   });
-  if (!same || message.epoch !== epoch || message.revision !== revision) await fetchMeshOf(message);
+  if (!same || message.epoch !== epoch || message.revision !== revision) {
+    // What is on the screen is of no use to patches that come before the mesh does.
+    revision = epoch = -1;
+    await fetchMeshOf(message);
+  }
   loading.value = null;
 }
 
@@ -133,9 +137,11 @@ function fetchMesh(): Promise<void> {
 }
 
 /** Get the mesh as it is after a message: what was on its way before may be older than that. */
-async function fetchMeshOf(message: { scan: string; revision: number }): Promise<void> {
+async function fetchMeshOf(message: { scan: string; revision: number; epoch: number }): Promise<void> {
+  const asked = underWay?.scan === message.scan;
   await fetchMesh();
-  if (opened.value?.scan === message.scan && revision < message.revision) await fetchMesh();
+  if (!asked || opened.value?.scan !== message.scan) return;
+  if (epoch !== message.epoch || revision < message.revision) await fetchMesh();
 }
 
 async function takeMesh(scan: string): Promise<void> {
@@ -194,6 +200,8 @@ function partsOf(message: Patch, arrays: Arrays): Part[] | null {
 async function patch(message: Patch, arrays: Arrays): Promise<void> {
   figures.value = message.figures;
   listsAreOld.value = true;
+  // A mesh that was fetched may be newer than what is still on its way to say so.
+  if (message.epoch === epoch && message.revision <= revision) return;
   const parts = message.epoch === epoch && message.revision === revision + 1 ? partsOf(message, arrays) : null;
   if (!parts || !mesh.value) {
     await fetchMeshOf(message);
@@ -208,16 +216,37 @@ async function patch(message: Patch, arrays: Arrays): Promise<void> {
 
 export type EditValue = { kind: string } & Record<string, unknown>;
 
-/** The edit that was asked for last, or its end. */
-let lastEdit: Promise<unknown> = Promise.resolve();
+/** Of each scan with edits or steps of the history under way: whether the last of them was done. */
+const lastEdits = new Map<string, Promise<boolean>>();
+
+/** Ask once what was asked for before of this scan is answered; a step back only if that was done. */
+function inTurn(scan: string, what: string, ask: () => Promise<Received>): Promise<Received> {
+  const before = lastEdits.get(scan) ?? Promise.resolve(true);
+  const mine = before.then((done) => {
+    if (done || what !== "undo") return ask();
+    throw new RefusedError("stale", "The edit before it was not made; nothing was undone.", "");
+  });
+  const end = mine.then(
+    () => (what === "preview" ? before : true),
+    () => (what === "preview" ? before : false),
+  );
+  lastEdits.set(scan, end);
+  void end.then(() => lastEdits.get(scan) === end && lastEdits.delete(scan));
+  return mine;
+}
 
 /** One edit after another, each on the surface that the one before it left. */
 function editRequest(edit: EditValue, arrays: Record<string, AnyArray>, preview: boolean): Promise<Received> {
   const scan = opened.value?.scan ?? "";
   const numbered = Object.keys(arrays).length > 0;
   const selectedIn = epoch;
-  const mine = lastEdit.then(async () => {
+  return inTurn(scan, preview ? "preview" : "edit", async () => {
+    if (opened.value?.scan !== scan) {
+      throw new RefusedError("stale", "Another scan was opened meanwhile; nothing was edited.", "");
+    }
     await underWay?.arrival;
+    if (revision < 0) await fetchMesh();
+    if (revision < 0) throw new RefusedError("stale", "The surface is not loaded; nothing was edited.", "Repeat.");
     if (numbered && epoch !== selectedIn) {
       throw new RefusedError(
         "stale",
@@ -227,8 +256,6 @@ function editRequest(edit: EditValue, arrays: Record<string, AnyArray>, preview:
     }
     return link.request({ kind: "edit", scan, base_revision: revision, edit, preview }, arrays);
   });
-  lastEdit = mine.catch(() => undefined);
-  return mine;
 }
 
 /** Do an edit; true when it is in the scan file. */
@@ -271,7 +298,7 @@ async function toScan(
   const scan = opened.value?.scan;
   if (!scan) return;
   try {
-    await link.request({ ...what, scan });
+    await inTurn(scan, what.kind, () => link.request({ ...what, scan }));
   } catch (error) {
     complain(error);
   }

@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
 import { colourVertices } from "../src/mesh/colours";
 import { MeshModel } from "../src/mesh/model";
-import { vertexNormals } from "../src/mesh/normals";
+import { putNormals, vertexNormals } from "../src/mesh/normals";
 import { standIn } from "../src/mesh/standin";
-import { borderEdges, Topology } from "../src/mesh/topology";
+import { borderEdges, bordersAfter, markVertices, Topology } from "../src/mesh/topology";
 import { ViewCamera } from "../src/viewport/camera";
 import { pick } from "../src/viewport/pick";
 import { fillOutline, Projection } from "../src/viewport/region";
@@ -47,6 +47,44 @@ describe("MeshModel", () => {
       const out = normals[4 * v] * mesh.positions[3 * v] + normals[4 * v + 1] * mesh.positions[3 * v + 1];
       expect(out).toBeGreaterThan(0.95 * 127 * 10);
     }
+  });
+});
+
+describe("what a few faces change", () => {
+  it("is found about them alone, and is what all of it anew would be", () => {
+    const mesh = new MeshModel(tube(24, 6));
+    const normals = vertexNormals(mesh);
+    let edges = borderEdges(mesh);
+    const sorted = (of: Uint32Array) =>
+      Array.from({ length: of.length / 2 }, (_, i) => `${of[2 * i]} ${of[2 * i + 1]}`).sort();
+    for (const [value, ...faces] of [
+      [0, 10, 11, 12, 60],
+      [0, 13, 61, 200],
+      [1, 11, 12, 60, 61],
+      [1, 10, 13, 200],
+    ]) {
+      const numbers = Uint32Array.from(faces);
+      mesh.apply({ kind: "alive", faces: numbers, value: value === 1 });
+      const marks = new Uint8Array(mesh.vertexCount);
+      markVertices(mesh, numbers, marks);
+      putNormals(mesh, normals, marks);
+      edges = bordersAfter(mesh, edges, marks);
+      expect(normals).toEqual(vertexNormals(mesh));
+      expect(sorted(edges)).toEqual(sorted(borderEdges(mesh)));
+    }
+    expect(edges.length).toBe(2 * 2 * 24);
+  });
+
+  it("is seen in the box about the faces that are there", () => {
+    const mesh = new MeshModel(plate(4));
+    const before = mesh.bounds();
+    kill(
+      mesh,
+      Uint32Array.from({ length: 8 }, (_, face) => face),
+    );
+    expect(mesh.bounds()).not.toEqual(before);
+    mesh.apply({ kind: "alive", faces: Uint32Array.from({ length: 8 }, (_, face) => face), value: true });
+    expect(mesh.bounds()).toEqual(before);
   });
 });
 
@@ -97,6 +135,18 @@ describe("stand-in", () => {
 });
 
 describe("colours", () => {
+  it("shows what is known of regions, and gives one colour to what is all alike", () => {
+    const mesh = new MeshModel(plate(20));
+    for (let v = 0; v < mesh.vertexCount; v++) mesh.sigma[v] = 0.01 + 0.02 * (v % 2);
+    mesh.quality = new Float32Array(mesh.vertexCount).fill(0.02);
+    const { rgba, legend } = colourVertices(mesh, "sigma");
+    expect(legend?.low).toBeCloseTo(0.02 / 1.4);
+    expect(legend?.high).toBeCloseTo(0.028);
+    expect(rgba.slice(0, 3)).toEqual(rgba.slice(4, 7));
+    mesh.quality[1] = 0.028;
+    expect(colourVertices(mesh, "sigma").rgba.slice(4, 7)).not.toEqual(rgba.slice(4, 7));
+  });
+
   it("maps sigma over its spread and names its ends", () => {
     const mesh = new MeshModel(plate(20));
     for (let v = 0; v < mesh.vertexCount; v++) mesh.sigma[v] = v / mesh.vertexCount;

@@ -159,6 +159,53 @@ describe("a patch", () => {
     expect(page.fetched).toEqual([]);
   });
 
+  it("that says what a mesh fetched since shows already changes nothing, and no selection is lost", async () => {
+    const page = await openPage({ hash: "#repair/cup" });
+    await page.connect();
+    await page.say({ ...opened("cup"), id: page.asked("open")[0].id });
+    await serveMesh(page, "cup", 4);
+    const before = page.part.mesh.value;
+    await page.say(patch("cup", 4, [{ kind: "alive", value: false }]), { "0.faces": Uint32Array.of(2) });
+    expect(page.fetched).toEqual([]);
+    expect(page.part.mesh.value).toBe(before);
+    expect(before?.aliveCount).toBe(8);
+  });
+
+  it("that says what a mesh fetched since shows already has its figures shown, and lists asked for again", async () => {
+    const page = await openPage({ hash: "#repair/cup" });
+    await page.connect();
+    await page.say({ ...opened("cup"), id: page.asked("open")[0].id });
+    await serveMesh(page, "cup", 4);
+    page.part.listsAreOld.value = false;
+    await page.say(patch("cup", 4));
+    expect(page.part.figures.value?.faces).toBe(7);
+    expect(page.part.listsAreOld.value).toBe(true);
+  });
+
+  it.each([1, 9])(
+    "of a scan that was opened anew (epoch %i) is not taken for an old one of the shown mesh",
+    async (epoch) => {
+      const page = await shown();
+      await page.say(patch("cup", 4));
+      await page.say(opened("cup", 0, epoch));
+      await page.say(patch("cup", 1, [], epoch));
+      await serveMesh(page, "cup", 0, epoch);
+      await serveMesh(page, "cup", 1, epoch);
+      expect(page.part.shownRevision()).toBe(1);
+      expect(page.fetched).toEqual([]);
+    },
+  );
+
+  it("has a mesh of the opening before, which was on its way, fetched again", async () => {
+    const page = await shown();
+    await page.say(patch("cup", 6));
+    await page.say(opened("cup", 0, 9));
+    await serveMesh(page, "cup", 6);
+    await serveMesh(page, "cup", 0, 9);
+    expect(page.part.shownRevision()).toBe(0);
+    expect(page.fetched).toEqual([]);
+  });
+
   it("of another scan is nothing to this page", async () => {
     const page = await shown();
     await page.say(patch("box", 4, [{ kind: "alive", value: false }]), { "0.faces": Uint32Array.of(2) });
@@ -168,6 +215,18 @@ describe("a patch", () => {
 });
 
 describe("an edit", () => {
+  it("has a surface that could not be loaded loaded before it", async () => {
+    const page = await shown();
+    await page.say(opened("cup", 5));
+    page.fetched.splice(0, 1)[0].answer(new ArrayBuffer(0), false);
+    await page.settle();
+    void page.part.doEdit({ kind: "close" });
+    await page.settle();
+    expect(page.asked("edit")).toEqual([]);
+    await serveMesh(page, "cup", 5);
+    expect(page.asked("edit")).toMatchObject([{ base_revision: 5 }]);
+  });
+
   it("names the revision that the page shows", async () => {
     const page = await shown();
     const done = page.part.doEdit({ kind: "close" });
@@ -188,6 +247,45 @@ describe("an edit", () => {
     expect(page.asked("edit")[1]).toMatchObject({ edit: { kind: "smooth" }, base_revision: 4 });
     await page.say({ kind: "refused", id: page.asked("edit")[1].id, code: "InputError", text: "No.", hint: "" });
     expect([await first, await second]).toEqual([true, false]);
+  });
+
+  it("is undone in its turn: a step of the history waits for the edits before it", async () => {
+    const page = await shown();
+    void page.part.doEdit({ kind: "close" });
+    void page.part.doEdit({ kind: "smooth" });
+    void page.part.undo();
+    await page.settle();
+    expect(page.asked("undo")).toEqual([]);
+    for (const k of [0, 1]) {
+      await page.say(patch("cup", 4 + k));
+      expect(page.asked("undo")).toEqual([]);
+      await page.say({ kind: "done", id: page.asked("edit")[k].id });
+    }
+    expect(page.asked("undo")).toMatchObject([{ scan: "cup" }]);
+  });
+
+  it("that is refused takes the undo that waited for it along, and no later one", async () => {
+    const page = await shown();
+    void page.part.doEdit({ kind: "close" });
+    void page.part.undo();
+    await page.settle();
+    await page.say({ kind: "refused", id: page.asked("edit")[0].id, code: "stale", text: "No.", hint: "" });
+    expect(page.asked("undo")).toEqual([]);
+    expect(page.state.notices.value.map(({ text }) => text).join()).toMatch(/nothing was undone/);
+    void page.part.undo();
+    await page.settle();
+    expect(page.asked("undo").length).toBe(1);
+  });
+
+  it("of another scan is not waited for", async () => {
+    const page = await shown();
+    void page.part.doEdit({ kind: "close" });
+    await page.walk("#repair/box");
+    await page.say({ ...opened("box"), id: page.asked("open")[1].id });
+    await serveMesh(page, "box");
+    void page.part.undo();
+    await page.settle();
+    expect(page.asked("undo")).toMatchObject([{ scan: "box" }]);
   });
 
   it("of a selection is not sent when the edit before it has renumbered the surface", async () => {

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { csvOf, type Picked, readPlace, withPlace } from "../src/verbs/points";
+import { csvOf, type Picked, readPlace, sideBySide, withPlace } from "../src/verbs/points";
 
 const POSES = [
   ["a", "up"],
@@ -27,6 +27,14 @@ test("points known in one pose alone are left out, and names with commas are quo
   expect(csvOf(points, POSES)).toBe('point,pose,x,y,z\n2,up,1.000,2.000,3.000\n2,"lying, turned",-0.500,0.000,7.123\n');
   expect(csvOf(points.slice(0, 1), POSES)).toBe("");
   expect(csvOf(points, POSES.slice(0, 1))).toBe("");
+});
+
+test("four poses are side by side; of more, the last place is for one of the rest", () => {
+  expect(sideBySide(["a", "b", "c"], "")).toEqual({ shown: ["a", "b", "c"], choice: [] });
+  expect(sideBySide(["a", "b", "c", "d"], "b")).toEqual({ shown: ["a", "b", "c", "d"], choice: [] });
+  const five = ["a", "b", "c", "d", "e"];
+  expect(sideBySide(five, "e")).toEqual({ shown: ["a", "b", "c", "e"], choice: ["d", "e"] });
+  expect(sideBySide(five, "a")).toEqual({ shown: ["a", "b", "c", "d"], choice: ["d", "e"] });
 });
 
 test("a place is three numbers", () => {

@@ -20,15 +20,14 @@ from turnscan.errors import InputError
 FRONTEND = Path(__file__).parents[2] / "frontend"
 
 
-def test_the_types_of_the_front_end_are_generated_from_the_protocol() -> None:
+def test_types_and_colours_of_the_front_end_are_generated() -> None:
     spec = importlib.util.spec_from_file_location("make_protocol", FRONTEND / "make_protocol.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    assert (FRONTEND / "src" / "protocol.ts").read_text() == module.typescript(), (
-        "run python frontend/make_protocol.py"
-    )
+    for file, made in module.FILES.items():
+        assert file.read_text() == made(), "run python frontend/make_protocol.py"
     for kind in ("hello", "patch", "frame", "edit", "stop"):
         assert f'kind: "{kind}";' in module.typescript()
 

@@ -23,9 +23,9 @@ def _connect(browser: Browser, device: str) -> None:
     assert answer["kind"] == "done", answer
 
 
-def _capture(browser: Browser, **wish: object) -> str:
+def _capture(browser: Browser, **asked: object) -> str:
     """Take pictures to their end; what the job says of it."""
-    job = browser.ask("capture", **wish)["job"]
+    job = browser.ask("capture", **asked)["job"]
     done = browser.once("job", lambda m: m["job"] == job and m["state"] != "running")
     assert done["state"] == "done", done
     return str(done["text"])

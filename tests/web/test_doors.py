@@ -325,20 +325,20 @@ def test_no_path_leads_out(locked: Locked, place: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "asked",
     [
         "; rm -rf /", "$(id)", "`id`", "con", "NUL.txt", "a\u202egnp.exe", "x" * 4096, "🦔🦔",
         "../../up", "/etc/passwd", "C:\\Windows", "a/b", "a\\b", ".hidden", "-rf", "a\0b", "name.",
     ],
 )  # fmt: skip
-def test_a_typed_name_is_never_a_path(tmp_path: Path, wish: str) -> None:
+def test_a_typed_name_is_never_a_path(tmp_path: Path, asked: str) -> None:
     library = Library(tmp_path)
     try:
-        path = library.new_path(wish)
+        path = library.new_path(asked)
     except InputError:
         return
     assert path.parent == tmp_path.resolve()
-    assert path.name == safe_name(wish) + ".turnscan"
+    assert path.name == safe_name(asked) + ".turnscan"
     assert len(path.name.encode()) <= 220
     assert not path.name.startswith(".")
     assert path.stem.lower() not in ("con", "nul", "nul.txt")

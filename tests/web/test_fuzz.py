@@ -42,7 +42,7 @@ class _Told:
 
     def __init__(self, workshop: Workshop) -> None:
         self.messages: list[protocol.Model] = []
-        self.client = Client(remote=False)
+        self.client = Client(remote=False, browser="")
         workshop.hub.join(self.client)
         workshop.hub.tell = self.tell  # type: ignore[method-assign]
 

@@ -297,7 +297,7 @@ def test_unknown_is_not_dark() -> None:
 
 
 def test_a_slow_browser_is_told_the_latest_only() -> None:
-    client = _hub.Client(remote=False)
+    client = _hub.Client(remote=False, browser="")
     for k in range(1000):
         client.put("devices ", f"d{k}")
     client.put("", "reply")

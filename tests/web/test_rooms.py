@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
+import shutil
 import socket
 import threading
 import time
+import weakref
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.web.running import PATIENCE, Browser, Message, Running, serving
+from turnscan.app import Library, Workshop, _workshop
 from turnscan.app._envelope import unpack
-from turnscan.app._hub import Hub
+from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._step_pictures import StepPictures
 from turnscan.edit import Action, Change, Document
+from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh, write_ply
 from turnscan.mesh import Mesh
@@ -189,7 +195,8 @@ def test_settings_are_an_edit_that_every_door_replays(folder: Path) -> None:
         assert refused["text"] == "these settings are in use"
         none = {"kind": "settings", "options": {"threshold": 240.0}}
         refused = one.ask("edit", scan=scan, base_revision=revision, edit=none)
-        assert "no stripe was found in any picture" in refused["text"]
+        assert refused["text"].startswith("no stripe above the threshold")
+        assert refused["options"] == [{"name": "threshold", "value": None}]
         wrong = {"kind": "settings", "options": {"fill": "flat"}}
         refused = one.ask("edit", scan=scan, base_revision=revision, edit=wrong)
         assert "no effect without close" in refused["text"]
@@ -248,17 +255,37 @@ def test_settings_are_tried_while_edits_go_on_and_bad_ones_are_refused(server: R
         low = attempt({"z_max": 12.0}, 3)["arrays"]
         assert np.nanmax(low["new.positions"][:, 2]) <= 12 < np.nanmax(low["old.positions"][:, 2])
         assert np.nanmax(np.abs(low["new.distance"])) < 0.05
-        none = attempt({"threshold": 240.0})
-        assert len(none["arrays"]["new.faces"]) == 0
-        for wrong, says in (
-            ({"threshold": -1}, "threshold"),
-            ({"spacing": 0}, "spacing"),
-            ({"radius": 5, "z_min": 9.0, "z_max": 3.0}, "no height between"),
-            ({"every": 2.5}, "every"),
-            ({"nonsense": 1}, "no option"),
+        assert same["findings"] == []
+        for empty, field, says in (
+            ({"threshold": 240.0, "edge": 2}, "threshold", "no stripe above the threshold"),
+            ({"radius": 0.01}, "radius", "inside the working volume in 24 pictures"),
+            ({"every": 24}, "every", "1 profile is left, and a surface needs two"),
+            ({"spacing_between": "400deg"}, "spacing_between", "1 profile is left"),
+            ({"outliers": 1e-6}, "outliers", "no point is left of the stripes in 24 pictures"),
+            ({"merge": "tsdf", "voxel": 1000.0}, "voxel", "form no surface"),
+        ):
+            none = attempt(empty)
+            assert (none["kind"], len(none["arrays"]["new.faces"])) == ("settings_tried", 0), none
+            said = none["findings"][0]
+            assert (said["severity"], says in said["text"]) == ("error", True), said
+            assert said["options"][0]["name"] == field
+            wanted = {"kind": "settings", "options": empty}
+            refused = one.ask("edit", scan=scan, base_revision=0, edit=wanted)
+            assert (refused["kind"], refused["options"][0]["name"]) == ("refused", field), refused
+        for wrong, field, says in (
+            ({"threshold": -1}, "threshold", "threshold"),
+            ({"spacing": 0}, "spacing", "spacing"),
+            ({"spacing": 1e-6}, "spacing", "points a profile"),
+            ({"spacing_between": "0.0001deg"}, "spacing_between", "profiles, at most"),
+            ({"merge": "tsdf", "voxel": 1e-6}, "voxel", "voxels of"),
+            ({"radius": 5, "z_min": 9.0, "z_max": 3.0}, "z_min", "no height between"),
+            ({"every": 2.5}, "every", "every"),
+            ({"nonsense": 1}, None, "no option"),
         ):
             refused = attempt(wrong)
             assert (refused["kind"], says in refused["text"]) == ("refused", True), refused
+            named = refused["options"][0]["name"] if refused["options"] else None
+            assert named == field, refused
         numbers = [one.send("try_settings", scan=scan, options={"edge": k}, grid=0) for k in (2, 3)]
         edit = {"kind": "settings", "options": {"every": 2}}
         assert one.ask("edit", scan=scan, base_revision=0, edit=edit)["kind"] == "done"
@@ -275,7 +302,8 @@ def test_settings_are_tried_while_edits_go_on_and_bad_ones_are_refused(server: R
 def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
     with Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]
-        grids = one.open(scan)["grids"]
+        begin = one.open(scan)
+        grids = begin["grids"]
         _, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
         vertex = len(mesh["positions"]) // 2
         step, line = int(mesh["step"][vertex]), int(mesh["line"][vertex])
@@ -297,7 +325,7 @@ def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
         column = round(float(profile["position"][line]))
         assert pixels[line, column] > pixels[line].mean() + 20
         coarse, some = unpack(http.get(f"/api/scans/{scan}/mesh?faces=300").content)
-        assert coarse["epoch"] == 0
+        assert coarse["epoch"] == begin["epoch"]
         assert 100 < len(some["faces"]) < 600
         for wrong in ("grid/7", "grid/0?step=999", "profile/0/999", "picture/0/999.png"):
             assert http.get(f"/api/scans/{scan}/{wrong}").status_code == 400
@@ -331,12 +359,12 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
         one.open(scan)
         before = http.get(f"/api/scans/{scan}/mesh").content
         monkeypatch.setattr(Document, "after", slow)
-        wish = {"scan": scan, "base_revision": 0, "edit": {"kind": "delete"}}
+        asked = {"scan": scan, "base_revision": 0, "edit": {"kind": "delete"}}
         chosen = {"faces": np.arange(10, 60, dtype="<u4")}
 
         def begun() -> tuple[int, str]:
             go.clear()
-            number = one.send("edit", chosen, **wish)
+            number = one.send("edit", chosen, **asked)
             job = one.until("job", lambda m: m["what"] == "edit")
             assert (job["state"], job["scan"]) == ("running", scan)
             assert job["title"] == "delete 50 faces"
@@ -391,16 +419,18 @@ def test_a_profile_that_is_switched_off_is_gone_everywhere(server: Running) -> N
         assert one.ask("edit", scan=scan, base_revision=0, edit=off)["kind"] == "done"
         patch = one.once("patch")
         assert patch["parts"] == [{"kind": "replace"}]
-        assert patch["epoch"] == 1
+        assert patch["epoch"] == state["epoch"] + 1
         assert patch["figures"]["faces"] == shown["figures"]["faces"]
         one.once("grid")
         _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
         assert not {3, 4} & set(grid["steps"].tolist())
+        found = one.ask("list_holes", scan=scan)["holes"]
+        assert "deleted" in {hole["cause"] for hole in found}
         assert one.ask("undo", scan=scan)["kind"] == "done"
         _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
         assert {3, 4} <= set(grid["steps"].tolist())
         head, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
-        assert head["epoch"] == 2
+        assert head["epoch"] == state["epoch"] + 2
         assert mesh["alive"].sum() == state["figures"]["faces"]
 
 
@@ -426,6 +456,46 @@ def test_holes_and_defects_have_causes_and_places(server: Running) -> None:
         assert one.ask("edit", scan=scan, base_revision=0, edit=edit)["kind"] == "done"
         assert one.ask("list_holes", scan=scan)["holes"] == []
         assert one.once("patch")["figures"]["closed"]
+
+
+def test_the_map_of_quality_is_that_of_the_reports(folder: Path) -> None:
+    from turnscan.workflows._quality_map import sigmas
+
+    with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        head, found = unpack(http.get(f"/api/scans/{scan}/quality").content)
+        _, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+    assert head["revision"] == 0
+    opened = reconstruct(folder / "ball.turnscan").mesh
+    assert opened.provenance is not None
+    expected = sigmas(opened)
+    assert found["sigma"].shape == expected.shape
+    assert found["sigma"] == pytest.approx(expected, rel=1e-3, nan_ok=True)
+    known = np.isfinite(found["sigma"])
+    assert found["sigma"][known].std() < mesh["sigma"][known].std()
+
+
+def test_holes_that_somebody_deletes_are_called_so(folder: Path) -> None:
+    with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        as_scanned = one.ask("list_holes", scan=scan)["holes"]
+        assert "deleted" not in {h["cause"] for h in as_scanned}
+        _, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        middle = mesh["positions"][mesh["faces"]].mean(axis=1)
+        waist = np.abs(middle[:, 2] - np.median(middle[:, 2])) < 4.0
+        near = waist & (np.hypot(middle[:, 1], 0) < 4.0) & (middle[:, 0] > 0)
+        faces = np.flatnonzero(near).astype("<u4")
+        assert len(faces) > 10
+        told = one.ask(
+            "edit", {"faces": faces}, scan=scan, base_revision=0, edit={"kind": "delete"}
+        )
+        assert told["kind"] == "done"
+        found = one.ask("list_holes", scan=scan)["holes"]
+        assert len(found) == len(as_scanned) + 1
+        ours = [h["cause_text"] for h in found if h["cause"] == "deleted"]
+        assert ours == ["deleted by hand"]
 
 
 def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
@@ -519,6 +589,32 @@ def test_an_export_is_a_job_and_reads_back(server: Running) -> None:
         assert http.post(f"/api/scans/{scan}/exports", json={"format": "exe"}).status_code == 400
 
 
+def test_an_export_carries_the_same_provenance_as_the_command_line_writes(folder: Path) -> None:
+    """Rig, parameters, and edits in words and by their hash; not source and version alone."""
+
+    def remarks_of(data: bytes) -> list[str]:
+        head = data[: data.index(b"end_header")].decode()
+        return [line for line in head.splitlines() if line.startswith("comment")]
+
+    with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        faces = np.arange(10, 60, dtype="<u4")
+        told = one.ask(
+            "edit", {"faces": faces}, scan=scan, base_revision=0, edit={"kind": "delete"}
+        )
+        assert told["kind"] == "done"
+        started = http.post(f"/api/scans/{scan}/exports", json={"format": "ply"}).json()["job"]
+        done = one.once("job", lambda m: m["job"] == started and m["state"] == "done")
+        exported = http.get(f"/api/downloads/{done['download']}").content
+    reconstruct(folder / "ball.turnscan").save(folder / "part.ply")
+    ours = remarks_of(exported)
+    assert ours == remarks_of((folder / "part.ply").read_bytes())
+    whole = " ".join(ours)
+    for name in ("software", "source", "rig_sha256", "parameters", "edits", "edits_sha256"):
+        assert name in whole
+
+
 def test_only_the_operator_edits_and_control_can_be_taken(server: Running) -> None:
     with Browser(server) as one, Browser(server) as two:
         scan = one.hello["scans"][0]["scan"]
@@ -531,6 +627,91 @@ def test_only_the_operator_edits_and_control_can_be_taken(server: Running) -> No
         assert one.ask("undo", scan=scan)["code"] == "not-operator"
         assert two.ask("undo", scan=scan)["text"] == "there is nothing to undo"
         assert one.ask("stop")["kind"] == "done"
+
+
+def test_big_scans_make_room_for_each_other_and_their_memory_is_given_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("second", "third"):
+        shutil.copy(folder / "ball.turnscan", folder / f"{name}.turnscan")
+    with serving(folder) as server, Browser(server) as one:
+        names = {s["name"]: s["scan"] for s in one.hello["scans"]}
+        begin = one.open(names["ball"])
+        faces = begin["figures"]["faces"]
+        first = weakref.ref(server.workshop.opened(names["ball"]))
+        monkeypatch.setattr(_workshop, "_OPEN_FACES", faces)
+        one.open(names["second"])
+        assert server.workshop.opened(names["ball"]) is first()
+        one.open(names["third"])
+        with pytest.raises(InputError, match="not open"):
+            server.workshop.opened(names["ball"])
+        end = time.monotonic() + PATIENCE
+        while first() is not None:  # its pictures may still be drawn
+            assert time.monotonic() < end, "the document is still held"
+            time.sleep(0.05)
+        again = one.open(names["ball"])
+        assert again["figures"]["faces"] == faces
+        assert again["revision"] == begin["revision"]
+        assert again["epoch"] != begin["epoch"], "a page would take its old mesh for this one"
+
+
+def test_who_needs_the_file_waits_for_a_document_that_is_closed_to_make_room(
+    tmp_path: Path,
+) -> None:
+    workshop, go = Workshop(Library(tmp_path)), threading.Event()
+    document: Any = SimpleNamespace(
+        now=SimpleNamespace(revision=0), close=lambda: go.wait(PATIENCE)
+    )
+    workshop._leaving["ball"] = document, threading.Event()
+    closing = threading.Thread(target=workshop._put_back_leaving, args=("ball",))
+    releasing = threading.Thread(target=workshop._release, args=("ball",))
+    closing.start()
+    releasing.start()
+    releasing.join(0.2)
+    assert releasing.is_alive(), "the document is still open, and writes"
+    go.set()
+    releasing.join(PATIENCE)
+    assert not releasing.is_alive()
+    closing.join(PATIENCE)
+    workshop.close()
+
+
+def test_a_page_that_is_loaded_anew_before_the_old_one_has_gone_is_the_operator(
+    server: Running,
+) -> None:
+    with contextlib.ExitStack() as pages:
+        old = pages.enter_context(Browser(server))
+        pages.enter_context(Browser(server))  # of somebody else, who has to ask for it
+        new = pages.enter_context(Browser(server, old.cookie))
+        assert new.hello["operator"] == old.hello["client"]
+        old.__exit__()
+        new.until("control", lambda m: m["operator"] == new.hello["client"])
+        new.__exit__()
+        with Browser(server) as third:
+            third.until("control", lambda m: m["operator"] == third.hello["client"])
+
+
+def test_a_page_that_was_there_before_is_not_made_the_operator(server: Running) -> None:
+    with Browser(server) as one:
+        scan = one.hello["scans"][0]["scan"]
+        with Browser(server, one.cookie) as before:
+            one.open(scan)
+            one.__exit__()
+            before.until("control", lambda m: m["operator"] is None)
+
+
+def test_a_page_that_is_lost_is_not_made_the_operator() -> None:
+    hub = Hub()
+    old, new, dropped = (Client(remote=False, browser="one") for _ in range(3))
+    for client in (old, new, dropped):
+        assert hub.join(client)
+    dropped.drop()
+    hub.leave(old)
+    assert hub.operator is new
+    new.drop()
+    hub.take(dropped)
+    hub.leave(dropped)
+    assert hub.operator is None
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 /** The whole scan as a picture: one column a step, one row a line. */
-import { cividis, PALETTE } from "../mesh/colours";
+import { cividis } from "../mesh/colours";
+import { CAUSES, type Rgb } from "../palette";
 import { figure } from "../ui/controls";
 import { type Box, MARK, PlaneView } from "../ui/plane";
 import type { Grid } from "./data";
@@ -18,7 +19,6 @@ export interface GridEvents {
   range: (range: Range | null) => void;
 }
 
-type Rgb = readonly [number, number, number];
 /** What a mark of the stripe makes doubtful, the worst first. */
 const QUALITY: readonly (readonly [number, Rgb, string])[] = [
   [4, [204, 121, 167], "ambiguous"],
@@ -37,12 +37,9 @@ const HARMLESS: readonly (readonly [number, Rgb, string])[] = [
   [64, [150, 190, 170], "several candidates"],
 ];
 const GOOD: Rgb = [120, 160, 190];
-const EDITS: readonly Rgb[] = [
-  [88, 104, 122],
-  [230, 159, 0],
-  [213, 94, 0],
-  [86, 180, 233],
-];
+/** Of what is there, where the colours tell of something else. */
+const MEASURED: Rgb = [88, 104, 122];
+const EDITS: readonly Rgb[] = [MEASURED, [230, 159, 0], [213, 94, 0], [86, 180, 233]];
 const EDIT_WORDS = ["as measured", "moved or picked", "deleted", "added"];
 
 export interface Key {
@@ -120,7 +117,7 @@ export class GridView extends PlaneView {
         return (i) => (there(i) ? cividis((grid[this.by as "sigma"][i] - low) / (high - low || 1)) : null);
       }
       case "cause":
-        return (i) => (there(i) ? [52, 62, 74] : grid.cause[i] ? PALETTE[(grid.cause[i] - 1) % PALETTE.length] : null);
+        return (i) => (there(i) ? MEASURED : (CAUSES[grid.cause[i] - 1] ?? null));
       case "edits":
         return (i) => (grid.edited[i] || there(i) ? EDITS[grid.edited[i]] : null);
     }
@@ -138,7 +135,7 @@ export class GridView extends PlaneView {
         const used = new Set(grid.cause);
         return grid.header.causes
           .map((text, i) => ({
-            colour: i ? PALETTE[(i - 1) % PALETTE.length] : ([52, 62, 74] as const),
+            colour: i ? CAUSES[i - 1] : MEASURED,
             text: text || "measured",
             i,
           }))

@@ -12,7 +12,6 @@ import { freeName, runs } from "../verbs/state";
 /** Jobs of reports that were asked for here, by what they are of. */
 const asked = signal<ReadonlyMap<string, string>>(new Map());
 
-export type Suffix = ".pdf" | ".html";
 export const REPORTS = [".pdf", ".html"] as const;
 
 interface ReportProps<S extends string> {

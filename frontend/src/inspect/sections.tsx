@@ -3,8 +3,8 @@ import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { lengthOf, outline } from "../mesh/section";
 import { mesh, opened, shape } from "../part";
-import { across, angles, normalOf, reach } from "../repair/cutting";
-import { Button, bound, figure, mm, NumberField, Section, TextField } from "../ui/controls";
+import { Button, bound, figure, mm, Section, TextField } from "../ui/controls";
+import { across, PlaneFields, reach } from "../ui/planefields";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import { currentViewport, plane } from "../viewport/place";
@@ -31,10 +31,8 @@ export function written({ normal, offset }: CutPlane): string {
   return [...normal, offset].map((value) => figure(value, 6)).join(",");
 }
 
-function PlaneFields({ at }: { at: CutPlane }) {
-  const [azimuth, height] = angles(at.normal);
+function ShownPlane({ at }: { at: CutPlane }) {
   const [low, high] = reach(at.normal);
-  const turned = (a: number, h: number) => (plane.value = { ...at, normal: normalOf(a, h) });
   const text = written(at);
   return (
     <>
@@ -49,28 +47,7 @@ function PlaneFields({ at }: { at: CutPlane }) {
           onInput={(event) => (plane.value = { ...at, offset: event.currentTarget.valueAsNumber })}
         />
       </label>
-      <NumberField
-        label="Distance from the origin"
-        value={at.offset}
-        unit="mm"
-        onChange={(value) => (plane.value = { ...at, offset: value ?? 0 })}
-      />
-      <NumberField
-        label="Azimuth of its normal"
-        value={azimuth}
-        unit="°"
-        min={-180}
-        max={360}
-        onChange={(a) => turned(a ?? 0, height)}
-      />
-      <NumberField
-        label="Height of its normal"
-        value={height}
-        unit="°"
-        min={-90}
-        max={90}
-        onChange={(h) => turned(azimuth, h ?? 0)}
-      />
+      <PlaneFields at={at} onChange={(next) => (plane.value = next)} />
       <p class="num" role="status">
         {shown.value?.length ? `Outline of ${mm(lengthOf(shown.value))}` : "The plane misses the surface."}
       </p>
@@ -129,7 +106,7 @@ export function SectionsPanel() {
           As seen
         </Button>
       </div>
-      {plane.value && <PlaneFields at={plane.value} />}
+      {plane.value && <ShownPlane at={plane.value} />}
       <TextField label="Planes" unit="mm" {...bound(planes)} />
       <p class="quiet">z=20, x=0, or z=10:100:10 (from, to, step); several with ;</p>
       <ReportButtons

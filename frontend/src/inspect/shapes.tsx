@@ -1,7 +1,8 @@
 /** Shapes found in the scan: each on the surface and in a list, with every size. */
 import { computed, signal } from "@preact/signals";
 import { link } from "../bus";
-import { css, PALETTE } from "../mesh/colours";
+import { css } from "../mesh/colours";
+import { DISTINCT } from "../palette";
 import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { ShapesShown } from "../protocol";
 import { complain, notify } from "../state";
@@ -69,7 +70,7 @@ export function ShapesPanel() {
                   title="Zoom to this shape"
                   onClick={() => currentViewport()?.lookAt([...place], Math.max(size, 4))}
                 >
-                  <span class="swatch" style={{ background: css(PALETTE[i % PALETTE.length]) }} />
+                  <span class="swatch" style={{ background: css(DISTINCT[i % DISTINCT.length]) }} />
                   <span>
                     {i + 1}. {text}
                   </span>

@@ -1,11 +1,10 @@
 /** Colours of the surface. Maps and palettes are chosen for eyes that confuse red and green. */
+import { DISTINCT, type Rgb } from "../palette";
 import type { MeshModel } from "./model";
 
 export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation", "shapes", "edits"] as const;
 /** `own` are the colours that the file of a mesh holds. */
 export type Colouring = (typeof COLOURINGS)[number] | "own";
-
-type Rgb = readonly [number, number, number];
 
 /** Cividis (Nuñez, Anderton & Renslow 2018): reads the same for every kind of colour vision. */
 const CIVIDIS: readonly Rgb[] = [
@@ -20,28 +19,16 @@ const CIVIDIS: readonly Rgb[] = [
   [254, 232, 56],
 ];
 
-/** Okabe & Ito 2008: eight colours that anybody can distinguish. */
-export const PALETTE: readonly Rgb[] = [
-  [86, 180, 233],
-  [230, 159, 0],
-  [0, 158, 115],
-  [240, 228, 66],
-  [0, 114, 178],
-  [213, 94, 0],
-  [204, 121, 167],
-];
-
 export const PLAIN: Rgb = [178, 187, 199];
 export const UNMEASURED: Rgb = [122, 132, 214];
 /** What was done by hand at a vertex: colour and word by the server's number. */
 export const TOUCHES: readonly (readonly [Rgb, string])[] = [
   [PLAIN, "as measured"],
-  [PALETTE[0], "smoothed"],
-  [PALETTE[2], "added"],
-  [PALETTE[5], "beside what was deleted"],
-  [PALETTE[6], "changed in the scan grid"],
+  [DISTINCT[0], "smoothed"],
+  [DISTINCT[2], "added"],
+  [DISTINCT[5], "beside what was deleted"],
+  [DISTINCT[6], "changed in the scan grid"],
 ];
-export const SELECTED = "#f0691e";
 
 export function cividis(t: number): Rgb {
   return ramp(CIVIDIS, t);
@@ -72,6 +59,9 @@ export function diverging(t: number): Rgb {
 
 /** mm at the ends of a map of deviations, at least. */
 const LEAST = 0.001;
+
+/** Times the median sigma to which its map goes at least, and down to its part: what is alike has one colour. */
+const ALIKE = 1.4;
 
 /** The colours of a map, from its low end to its high one. */
 export function mapOf(by: Colouring): (t: number) => Rgb {
@@ -111,11 +101,11 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
       colour = [mesh.colour[3 * v], mesh.colour[3 * v + 1], mesh.colour[3 * v + 2]];
     } else if (by === "shapes") {
       const shape = mesh.shapes?.[v] ?? -1;
-      if (shape >= 0) colour = PALETTE[shape % PALETTE.length];
+      if (shape >= 0) colour = DISTINCT[shape % DISTINCT.length];
     } else if (by === "edits") {
       colour = TOUCHES[mesh.touch?.[v] ?? 0]?.[0] ?? PLAIN;
     } else if (by === "laser") {
-      colour = mesh.laser[v] < 0 ? UNMEASURED : PALETTE[mesh.laser[v] % PALETTE.length];
+      colour = mesh.laser[v] < 0 ? UNMEASURED : DISTINCT[mesh.laser[v] % DISTINCT.length];
     }
     rgba[4 * v] = colour[0];
     rgba[4 * v + 1] = colour[1];
@@ -127,7 +117,7 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
 function valueAt(mesh: MeshModel, by: Colouring, v: number): number {
   if (by === "height") return mesh.positions[3 * v + 2];
   // Of vertices that came later nothing is known yet.
-  return (by === "sigma" ? mesh.sigma[v] : mesh.deviation?.[v]) ?? Number.NaN;
+  return (by === "sigma" ? (mesh.quality ?? mesh.sigma)[v] : mesh.deviation?.[v]) ?? Number.NaN;
 }
 
 function rangeOf(mesh: MeshModel, by: Colouring): Legend | null {
@@ -150,5 +140,7 @@ function spread(mesh: MeshModel, by: "sigma" | "height" | "deviation"): Legend {
   some.sort((a, b) => a - b);
   if (!some.length) return { low: 0, high: 1, unit: "mm" };
   const at = (share: number) => some[Math.round(share * (some.length - 1))];
-  return { low: at(0.02), high: at(0.98), unit: "mm" };
+  const [low, middle, high] = [at(0.02), at(0.5), at(0.98)];
+  if (by !== "sigma") return { low, high, unit: "mm" };
+  return { low: Math.min(low, middle / ALIKE), high: Math.max(high, middle * ALIKE), unit: "mm" };
 }

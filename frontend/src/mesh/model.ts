@@ -68,6 +68,8 @@ export class MeshModel {
   deviationEnd: number | null = null;
   /** (v) index of the shape that a vertex lies on, −1 for none; null where none were sought. */
   shapes: Int32Array | null = null;
+  /** (v) mm, sigma of the region about a vertex, NaN where unknown; null where it is not fetched. */
+  quality: Float32Array | null = null;
   /** (v) what was done by hand at a vertex, see `TOUCHES`; null where it is not known yet. */
   touch: Uint8Array | null = null;
   vertexCount: number;
@@ -136,22 +138,34 @@ export class MeshModel {
     this.topology += 1;
   }
 
-  /** The box around the faces that are there; null for an empty mesh. */
+  private boundsKept: { version: number; box: Bounds | null } | null = null;
+
+  /** The box around the faces that are there, or some of them; null for an empty mesh. */
   bounds(only?: Uint8Array): Bounds | null {
-    const low: Bounds["low"] = [Infinity, Infinity, Infinity];
-    const high: Bounds["high"] = [-Infinity, -Infinity, -Infinity];
+    if (only) return this.boxOf(only);
+    if (this.boundsKept?.version !== this.version) this.boundsKept = { version: this.version, box: this.boxOf() };
+    const { box } = this.boundsKept;
+    return box && { low: [...box.low], high: [...box.high] };
+  }
+
+  private boxOf(only?: Uint8Array): Bounds | null {
+    const { positions: p, faces } = this;
+    let [x0, y0, z0] = [Infinity, Infinity, Infinity];
+    let [x1, y1, z1] = [-Infinity, -Infinity, -Infinity];
     for (let face = 0; face < this.faceCount; face++) {
       if (!this.alive[face] || (only && !only[face])) continue;
-      for (let corner = 0; corner < 3; corner++) {
-        const at = 3 * this.faces[3 * face + corner];
-        for (let axis = 0; axis < 3; axis++) {
-          const x = this.positions[at + axis];
-          if (x < low[axis]) low[axis] = x;
-          if (x > high[axis]) high[axis] = x;
-        }
+      for (let i = 3 * face; i < 3 * face + 3; i++) {
+        const at = 3 * faces[i];
+        const [x, y, z] = [p[at], p[at + 1], p[at + 2]];
+        if (x < x0) x0 = x;
+        if (x > x1) x1 = x;
+        if (y < y0) y0 = y;
+        if (y > y1) y1 = y;
+        if (z < z0) z0 = z;
+        if (z > z1) z1 = z;
       }
     }
-    return low[0] <= high[0] ? { low, high } : null;
+    return x0 <= x1 ? { low: [x0, y0, z0], high: [x1, y1, z1] } : null;
   }
 
   /** The normal of a face (not of length 1), written into `out`. */

@@ -87,8 +87,32 @@ export class Topology {
   }
 }
 
-/** Segments (pairs of vertex numbers) of the borders of the surface: edges of one living face. */
-export function borderEdges(mesh: MeshModel): Uint32Array {
+/** Mark (v) the vertices that belong to some faces. */
+export function markVertices(mesh: MeshModel, faces: Uint32Array, marks: Uint8Array): void {
+  for (const face of faces) for (let corner = 0; corner < 3; corner++) marks[mesh.faces[3 * face + corner]] = 1;
+}
+
+/**
+ * The borders after faces have gone or come whose vertices are marked (v), from those before: only
+ * edges between marked vertices can have become a border, or be none any more.
+ */
+export function bordersAfter(mesh: MeshModel, before: Uint32Array, marks: Uint8Array): Uint32Array {
+  const kept: number[] = [];
+  for (let i = 0; i < before.length; i += 2) {
+    if (!(marks[before[i]] & marks[before[i + 1]])) kept.push(before[i], before[i + 1]);
+  }
+  const found = borderEdges(mesh, marks);
+  const out = new Uint32Array(kept.length + found.length);
+  out.set(kept);
+  out.set(found, kept.length);
+  return out;
+}
+
+/**
+ * Segments (pairs of vertex numbers) of the borders of the surface: edges of one living face; with
+ * `marks` (v) those between marked vertices.
+ */
+export function borderEdges(mesh: MeshModel, marks: Uint8Array | null = null): Uint32Array {
   // Every vertex keeps a chain of the edges that leave it towards a higher number; an edge met
   // twice is struck out. Linear in the number of faces, without a hash.
   const head = new Int32Array(mesh.vertexCount).fill(-1);
@@ -101,6 +125,7 @@ export function borderEdges(mesh: MeshModel): Uint32Array {
     for (let corner = 0; corner < 3; corner++) {
       const a = mesh.faces[3 * face + corner];
       const b = mesh.faces[3 * face + ((corner + 1) % 3)];
+      if (marks && !(marks[a] & marks[b])) continue;
       const low = Math.min(a, b);
       const high = Math.max(a, b);
       let at = head[low];

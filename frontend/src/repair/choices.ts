@@ -4,7 +4,7 @@ import { link } from "../bus";
 import { RefusedError } from "../link";
 import { type MeshModel, plainMesh } from "../mesh/model";
 import { doEdit, mark, mesh, opened, settings, shape } from "../part";
-import type { SettingsCompared, SettingsTried } from "../protocol";
+import type { RemedyOption, SettingsCompared, SettingsTried } from "../protocol";
 import { complain, connection, place } from "../state";
 import type { Cylinder } from "../viewport/cylinder";
 import { cylinder } from "../viewport/place";
@@ -36,7 +36,23 @@ export interface Tried {
 
 export const trial = signal<Tried | null>(null);
 export const trying = signal(false);
-export const refusal = signal<{ text: string; hint: string } | null>(null);
+export const refusal = signal<Trouble | null>(null);
+
+/** What is wrong with what is typed. */
+export interface Trouble {
+  text: string;
+  hint: string;
+  options: readonly RemedyOption[];
+}
+
+/** Why settings cannot be tried, or make nothing of the patch. */
+export const trouble = computed<Trouble | null>(() => {
+  if (refusal.value) return refusal.value;
+  const said = trial.value?.header.findings.find(({ severity }) => severity === "error");
+  return said ? { ...said, hint: said.remedy } : null;
+});
+/** The setting that it is about. */
+export const wrongField = computed(() => trouble.value?.options[0]?.name ?? null);
 
 export interface Sides {
   header: SettingsCompared;
@@ -145,7 +161,7 @@ async function attempt(scan: string, options: Values): Promise<void> {
   } catch (error) {
     if (!(error instanceof RefusedError)) throw error;
     if (mine === turn && error.code !== "cancelled" && error.code !== "lost")
-      refusal.value = { text: error.message, hint: error.hint };
+      refusal.value = { text: error.message, hint: error.hint, options: error.options };
   } finally {
     if (mine === turn) trying.value = false;
   }

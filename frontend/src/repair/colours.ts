@@ -22,6 +22,15 @@ const SOURCES: Partial<Record<Colouring, Source>> = {
       },
     };
   },
+  sigma: async (scan) => {
+    const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/quality`);
+    return {
+      revision: header.revision,
+      put: (model) => {
+        model.quality = arrays.f32("sigma");
+      },
+    };
+  },
   edits: async (scan) => {
     const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/edits`);
     return {

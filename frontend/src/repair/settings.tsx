@@ -14,11 +14,13 @@ import {
   put,
   renameSet,
   setChoices,
+  trouble,
   typed,
   type Value,
   type Values,
   valuesOf,
   volumeShown,
+  wrongField,
 } from "./choices";
 import { SidesPanel } from "./sides";
 
@@ -181,6 +183,11 @@ export function SettingsPanel() {
             (schema.group ?? "Settings") !== group || (OF_CLOSING.includes(name) && !values.close) ? null : (
               <div key={name} title={schema.description}>
                 <Field name={name} schema={schema} values={values} write={(value) => write(name, value)} />
+                {wrongField.value === name && (
+                  <p class="error" role="alert">
+                    {trouble.value?.text}: {trouble.value?.hint}
+                  </p>
+                )}
               </div>
             ),
           )}

@@ -6,7 +6,7 @@ import { theme } from "../state";
 import { count } from "../ui/controls";
 import { type Box, PlaneView } from "../ui/plane";
 import { OwnView } from "../verbs/ownview";
-import { refusal, type Tried, trial, trying } from "./choices";
+import { refusal, type Tried, type Trouble, trial, trouble, trying } from "./choices";
 import { MapKey } from "./mapkey";
 
 const OLD = "#3fb8f2";
@@ -82,15 +82,18 @@ class TrialPlot extends PlaneView {
 
 const points = (of: Float32Array) => of.reduce((n, x, i) => n + Number(i % 3 === 0 && !Number.isNaN(x)), 0);
 
+function Why({ of: { text, hint } }: { of: Trouble }) {
+  return (
+    <div class="empty" role={refusal.value ? "alert" : undefined}>
+      <strong>{text}</strong>
+      <span>{hint}</span>
+    </div>
+  );
+}
+
 function Words() {
   const now = trial.value;
-  if (refusal.value)
-    return (
-      <div class="empty" role="alert">
-        <strong>{refusal.value.text}</strong>
-        <span>{refusal.value.hint}</span>
-      </div>
-    );
+  if (refusal.value) return <Why of={refusal.value} />;
   return now ? null : <div class="empty">Trying …</div>;
 }
 
@@ -129,9 +132,11 @@ export function TrialProfiles() {
           <span class="swatch" style={{ background: NEW }} />
           as typed
         </span>
-        {now?.header.findings.map(({ text }) => (
-          <span key={text}>{text}</span>
-        ))}
+        {now?.header.findings
+          .filter(({ severity }) => severity !== "error")
+          .map(({ text }) => (
+            <span key={text}>{text}</span>
+          ))}
       </div>
     </section>
   );
@@ -159,6 +164,7 @@ export function TrialPatch() {
             by={side === "new" ? "deviation" : "plain"}
             together="trial"
           />
+          {side === "new" && now && !now.new && trouble.value && <Why of={trouble.value} />}
           <div class="key">
             <span>{now && `${count(now[side]?.aliveCount ?? 0)} triangles`}</span>
             {side === "new" && end !== undefined && <MapKey end={end} from="the patch in use" />}

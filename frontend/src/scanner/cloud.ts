@@ -1,6 +1,7 @@
 /** Points as they come, on a plain canvas: it turns, and needs no graphics card. */
-import { PALETTE } from "../mesh/colours";
+
 import type { Bounds } from "../mesh/model";
+import { DISTINCT } from "../palette";
 import { ViewCamera } from "../viewport/camera";
 import type { Cloud } from "./live";
 
@@ -102,7 +103,7 @@ export class CloudView {
     const project = this.camera.projector();
     const out = new Float64Array(3);
     this.cloud?.lasers.forEach((laser, k) => {
-      const [r, g, b] = PALETTE[k % PALETTE.length];
+      const [r, g, b] = DISTINCT[k % DISTINCT.length];
       const colour = 0xff000000 | (b << 16) | (g << 8) | r;
       for (const part of this.cloud!.of(laser)) {
         for (let i = 0; i < part.length; i += 3) {

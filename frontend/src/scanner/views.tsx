@@ -1,7 +1,8 @@
 /** The views of the Rig and Scan rooms. */
 import { effect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { css, PALETTE } from "../mesh/colours";
+import { css } from "../mesh/colours";
+import { DISTINCT } from "../palette";
 import { devices, theme } from "../state";
 import { count } from "../ui/controls";
 import { CloudView } from "./cloud";
@@ -86,7 +87,7 @@ export function CloudPane() {
         <div class="key">
           {cloud.value.lasers.map((laser, k) => (
             <span key={laser}>
-              <span class="swatch" style={{ background: css(PALETTE[k % PALETTE.length]) }} />
+              <span class="swatch" style={{ background: css(DISTINCT[k % DISTINCT.length]) }} />
               {laser}
             </span>
           ))}

@@ -2,7 +2,8 @@
 import { useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Command } from "../commands";
-import { css, mapOf, PALETTE, TOUCHES, UNMEASURED } from "../mesh/colours";
+import { css, mapOf, TOUCHES, UNMEASURED } from "../mesh/colours";
+import { DISTINCT } from "../palette";
 import { lasers, loading, mesh } from "../part";
 import { jobs, place, theme } from "../state";
 import { VIEWS, type ViewName } from "../viewport/camera";
@@ -96,7 +97,10 @@ function Legend() {
     <div class="legend">
       {names.map((name, i) => (
         <span key={name} class="row">
-          <span class="swatch" style={{ background: by === "laser" ? css(PALETTE[i % PALETTE.length]) : "#b2bbc7" }} />
+          <span
+            class="swatch"
+            style={{ background: by === "laser" ? css(DISTINCT[i % DISTINCT.length]) : "#b2bbc7" }}
+          />
           {name}
         </span>
       ))}

@@ -131,8 +131,18 @@ function Pose({ scan, choice }: { scan: string; choice: readonly string[] }) {
   );
 }
 
-/** Which of several other poses is shown beside the first. */
+/** Poses that are shown side by side at most. */
+const SIDE_BY_SIDE = 4;
+/** Which of the poses that have no place of their own is in the last one. */
 const other = signal("");
+
+/** The poses that are shown, and those among which the last of them is chosen: none where all are. */
+export function sideBySide(poses: readonly string[], last: string): { shown: string[]; choice: string[] } {
+  if (poses.length <= SIDE_BY_SIDE) return { shown: [...poses], choice: [] };
+  const fixed = poses.slice(0, SIDE_BY_SIDE - 1);
+  const choice = poses.slice(SIDE_BY_SIDE - 1);
+  return { shown: [...fixed, choice.includes(last) ? last : choice[0]], choice };
+}
 
 function next(scan: string): number {
   const row = picked.value.findIndex((one) => !one.has(scan));
@@ -172,17 +182,21 @@ export function misfits(points: readonly Picked[], one: string, other: string): 
   return new Map(rows.map((row, k) => [row, off[k]]));
 }
 
-function PointRows({ poses, pair }: { poses: readonly string[]; pair: readonly [string, string] }) {
-  const off = misfits(picked.value, ...pair);
+function PointRows({ poses }: { poses: readonly string[] }) {
+  const [first, ...others] = poses;
+  const off = others.map((pose) => [pose, misfits(picked.value, first, pose)] as const);
   return (
     <ul class="list whole points" aria-label="Picked points">
       {picked.value.map((one, row) => (
         <li key={row}>
           <strong class="num">{row + 1}</strong>
-          {off.has(row) && (
-            <span class="num" title="Distance between the two places when the poses are moved together">
-              off {off.get(row)!.toFixed(2)} mm
-            </span>
+          {off.map(
+            ([pose, apart]) =>
+              apart.has(row) && (
+                <span key={pose} class="num" title="Distance between the two places when the poses are moved together">
+                  {others.length > 1 && `${nameOf(pose)} `}off {apart.get(row)!.toFixed(2)} mm
+                </span>
+              ),
           )}
           {poses.map((pose) => (
             <TextField
@@ -207,33 +221,42 @@ function PointRows({ poses, pair }: { poses: readonly string[]; pair: readonly [
   );
 }
 
-/** How well the picked points fit, before anything is joined. */
-function Fit({ pair }: { pair: readonly [string, string] }) {
-  const off = [...misfits(picked.value, ...pair).entries()];
-  if (!off.length) return null;
-  const rms = Math.sqrt(off.reduce((sum, [, one]) => sum + one * one, 0) / off.length);
-  const [worst, most] = off.reduce((a, b) => (b[1] > a[1] ? b : a));
+/** How well the picked points fit, before anything is joined: of each pose to the first. */
+function Fit({ poses }: { poses: readonly string[] }) {
+  const [first, ...others] = poses;
+  const fits = others.flatMap((pose) => {
+    const off = [...misfits(picked.value, first, pose).entries()];
+    if (!off.length) return [];
+    const rms = Math.sqrt(off.reduce((sum, [, one]) => sum + one * one, 0) / off.length);
+    return [{ pose, rms, worst: off.reduce((a, b) => (b[1] > a[1] ? b : a)) }];
+  });
+  if (!fits.length) return null;
   return (
-    <p class="num" role="status" aria-label="Fit of the picked points">
-      The points fit to {rms.toFixed(2)} mm (rms); the worst is point {worst + 1}, {most.toFixed(2)} mm.
-    </p>
+    <div role="status" aria-label="Fit of the picked points">
+      {fits.map(({ pose, rms, worst: [row, most] }) => (
+        <p key={pose} class="num">
+          {others.length > 1 ? `${nameOf(pose)}: the` : "The"} points fit to {rms.toFixed(2)} mm (rms); the worst is
+          point {row + 1}, {most.toFixed(2)} mm.
+        </p>
+      ))}
+    </div>
   );
 }
 
-/** Two poses side by side, in which the same points are clicked. */
+/** The poses side by side, in which the same points are clicked. */
 export function PickPoints({ verb }: { verb: VerbEntry }) {
   const { values } = formOf(verb);
   const poses = posesOf(values);
   if (poses.length < 2) return null;
-  const [first, ...others] = poses;
-  const second = others.includes(other.value) ? other.value : others[0];
+  const both = poses.length === 2;
+  const views = sideBySide(poses, other.value);
   const whole = picked.value.filter((one) => poses.filter((pose) => one.has(pose)).length > 1).length;
   return (
     <Section title="Picked points" count={whole}>
       <p class="quiet">
         {whole
           ? `Joined by ${whole} picked ${whole === 1 ? "point" : "points"}${whole < NEEDED ? `; at least ${NEEDED} are needed` : ""}, then by shape.`
-          : `Joined by shape alone. Where that fails, pick ${NEEDED} points or more that can be seen in both poses.`}
+          : `Joined by shape alone. Where that fails, pick ${NEEDED} points or more that can be seen in ${both ? "both poses" : "two poses or more"}.`}
       </p>
       {values.points ? (
         <p class="remark warning">A table of points is chosen above: it is used, and what is picked here is not.</p>
@@ -241,11 +264,12 @@ export function PickPoints({ verb }: { verb: VerbEntry }) {
       {shown.value ? (
         <>
           <div class="poses">
-            <Pose scan={first} choice={[]} />
-            <Pose scan={second} choice={others} />
+            {views.shown.map((pose, k) => (
+              <Pose key={k} scan={pose} choice={k === SIDE_BY_SIDE - 1 ? views.choice : []} />
+            ))}
           </div>
-          <Fit pair={[first, second]} />
-          <PointRows poses={poses} pair={[first, second]} />
+          <Fit poses={poses} />
+          <PointRows poses={poses} />
           <span class="row">
             <Button onClick={() => (picked.value = [...picked.value, new Map()])}>Type in a point</Button>
             <Button disabled={!picked.value.length} onClick={() => (picked.value = [])}>
@@ -254,7 +278,9 @@ export function PickPoints({ verb }: { verb: VerbEntry }) {
           </span>
         </>
       ) : (
-        <Button onClick={() => (shown.value = true)}>Pick points in both poses</Button>
+        <Button onClick={() => (shown.value = true)}>
+          {both ? "Pick points in both poses" : "Pick points in the poses"}
+        </Button>
       )}
     </Section>
   );

@@ -1,8 +1,9 @@
 /** What a verb found out: its tables, and the surface that it wrote. */
 import { useEffect, useState } from "preact/hooks";
 import { getArrays } from "../link";
-import { css, PALETTE } from "../mesh/colours";
+import { css } from "../mesh/colours";
 import type { MeshModel } from "../mesh/model";
+import { DISTINCT } from "../palette";
 import { modelOf } from "../part";
 import type { FileMeshHeader, ResultFile, ResultTable } from "../protocol";
 import { complain } from "../state";
@@ -99,7 +100,7 @@ export function ResultSurface({ file, name, open }: Pick<ResultFile, "file" | "n
         <p class="key">
           {read?.lasers.map((laser, k) => (
             <span key={laser} class="row">
-              <span class="swatch" style={{ background: css(PALETTE[k % PALETTE.length]) }} />
+              <span class="swatch" style={{ background: css(DISTINCT[k % DISTINCT.length]) }} />
               {laser}
             </span>
           ))}

@@ -18,6 +18,11 @@ import { copyMaterial, depthMaterial } from "./shaders";
 
 /** Above this a full picture is too slow to move with. */
 const SLOW_MS = 50;
+/** Faces of what is drawn instead while the view moves, by a graphics card and by the processor. */
+const COARSE_FACES = 40_000;
+const FEW_FACES = 10_000;
+/** The processor draws what moves with a quarter of the pixels. */
+const COARSE_RATIO = 0.5;
 
 export class Painter {
   private readonly renderer: WebGLRenderer;
@@ -27,6 +32,8 @@ export class Painter {
   private readonly copy = wholeScreen(copyMaterial());
   private readonly depth = wholeScreen(depthMaterial());
   private readonly ratio: number;
+  /** The processor draws. */
+  private readonly software: boolean;
   private baseIsOld = true;
   private depthPicture: DepthPicture | null = null;
   /** Milliseconds that the last full picture took. */
@@ -36,12 +43,12 @@ export class Painter {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, alpha: false, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
     this.renderer.autoClear = false;
-    const software = /swiftshader|llvmpipe|software/i.test(this.gpu());
-    this.ratio = software ? 1 : Math.min(window.devicePixelRatio, 2);
+    this.software = /swiftshader|llvmpipe|software/i.test(this.gpu());
+    this.ratio = this.software ? 1 : Math.min(window.devicePixelRatio, 2);
     this.renderer.setPixelRatio(this.ratio);
     const depthTexture = new DepthTexture(1, 1, UnsignedIntType);
     // Four samples a pixel cost three times as much where the processor draws.
-    this.target = new WebGLRenderTarget(1, 1, { depthTexture, samples: software ? 0 : 4 });
+    this.target = new WebGLRenderTarget(1, 1, { depthTexture, samples: this.software ? 0 : 4 });
     this.target.texture.minFilter = this.target.texture.magFilter = NearestFilter;
     this.depthTarget = new WebGLRenderTarget(1, 1, { depthBuffer: false });
     this.eye.matrixAutoUpdate = false;
@@ -81,7 +88,13 @@ export class Painter {
     return this.fullMs > SLOW_MS;
   }
 
+  /** About how many faces can be drawn while the view moves. */
+  get coarseFaces(): number {
+    return this.software ? FEW_FACES : COARSE_FACES;
+  }
+
   paint(camera: ViewCamera, base: Scene, overlay: Scene): void {
+    this.sharpen(this.ratio);
     this.refresh(camera, base);
     this.renderer.setRenderTarget(null);
     this.renderer.clear();
@@ -91,11 +104,17 @@ export class Painter {
 
   /** Straight to the screen, for as long as the view moves. */
   paintCoarse(camera: ViewCamera, coarse: Scene): void {
+    if (this.software) this.sharpen(COARSE_RATIO);
     this.aim(camera);
     this.invalidate();
     this.renderer.setRenderTarget(null);
     this.renderer.clear();
     this.renderer.render(coarse, this.eye);
+  }
+
+  /** So many pixels of the screen's canvas for each CSS pixel; the stored picture has its own. */
+  private sharpen(ratio: number): void {
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
   }
 
   /** What is seen, and how far away. */

@@ -13,6 +13,10 @@ export class Selection {
   /** Room for the faces of a mesh; faces that died or were taken back are no longer selected. */
   follow(mesh: MeshModel): void {
     const next = new Uint8Array(mesh.faceCount);
+    if (this.count === 0) {
+      this.faces = next;
+      return;
+    }
     next.set(this.faces.subarray(0, mesh.faceCount));
     for (let face = 0; face < mesh.faceCount; face++) next[face] &= mesh.alive[face];
     this.set(next);
@@ -53,9 +57,7 @@ export class Selection {
   numbers(): Uint32Array<ArrayBuffer> {
     const out = new Uint32Array(this.count);
     let n = 0;
-    this.faces.forEach((one, face) => {
-      if (one) out[n++] = face;
-    });
+    for (let face = 0; n < out.length; face++) if (this.faces[face]) out[n++] = face;
     return out;
   }
 }

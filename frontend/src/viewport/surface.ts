@@ -11,9 +11,9 @@ import {
   Vector4,
 } from "three";
 import type { MeshModel } from "../mesh/model";
-import { vertexNormals } from "../mesh/normals";
+import { putNormals, vertexNormals } from "../mesh/normals";
 import { standIn } from "../mesh/standin";
-import { borderEdges } from "../mesh/topology";
+import { borderEdges, bordersAfter, markVertices } from "../mesh/topology";
 import { surfaceMaterial } from "./shaders";
 
 export interface CutPlane {
@@ -22,8 +22,6 @@ export interface CutPlane {
   offset: number;
 }
 
-/** Faces drawn while moving where the full mesh is too slow. */
-const STAND_IN_FACES = 40_000;
 const NO_PLANE = new Vector4(0, 0, 0, -1);
 
 export class Surface {
@@ -40,6 +38,7 @@ export class Surface {
   private mesh: MeshModel | null = null;
   private coarseVersion = -1;
   private borderVersion = -1;
+  private edges: Uint32Array = new Uint32Array(0);
 
   constructor() {
     this.base.add(this.full, this.unmeasured, this.borders);
@@ -94,11 +93,26 @@ export class Surface {
     setIndex(this.unmeasured.geometry, corners(mesh, gaps));
   }
 
-  /** Only these faces have died or come back: the rest of the index stays on the card. */
-  touched(numbers: Iterable<number>): void {
+  /** Only these faces have died or come back: normals and borders elsewhere are what they were. */
+  touched(parts: readonly Uint32Array[]): void {
     const { mesh } = this;
+    if (!mesh) return;
+    const marks = new Uint8Array(mesh.vertexCount);
+    for (const numbers of parts) {
+      this.reindex(mesh, numbers);
+      markVertices(mesh, numbers, marks);
+    }
+    const normal = this.full.geometry.getAttribute("normal") as BufferAttribute;
+    putNormals(mesh, normal.array as Int8Array, marks);
+    normal.needsUpdate = true;
+    // Every part has made the mesh one version newer.
+    if (this.borderVersion === mesh.version - parts.length) this.putBorders(bordersAfter(mesh, this.edges, marks));
+  }
+
+  /** The rest of the index stays on the card. */
+  private reindex(mesh: MeshModel, numbers: Uint32Array): void {
     const index = this.full.geometry.index;
-    if (!mesh || !index) return;
+    if (!index) return;
     const array = index.array as Uint32Array;
     let low = Infinity;
     let high = -1;
@@ -127,8 +141,13 @@ export class Surface {
   showBorders(on: boolean): void {
     this.borders.visible = on;
     if (!on || !this.mesh || this.borderVersion === this.mesh.version) return;
-    setIndex(this.borders.geometry, borderEdges(this.mesh));
-    this.borderVersion = this.mesh.version;
+    this.putBorders(borderEdges(this.mesh));
+  }
+
+  private putBorders(edges: Uint32Array): void {
+    this.edges = edges;
+    setIndex(this.borders.geometry, edges);
+    this.borderVersion = this.mesh?.version ?? -1;
   }
 
   select(faces: Uint32Array): void {
@@ -156,19 +175,11 @@ export class Surface {
     for (const thing of [this.full, this.quick]) (thing.material as ShaderMaterial).uniforms.plane.value = value;
   }
 
-  /** The coarse mesh is made anew after an edit, when it is first needed. */
-  prepareCoarse(): void {
+  /** The coarse mesh, of about so many faces, is made anew after an edit, when it is first needed. */
+  prepareCoarse(faces: number): void {
     if (!this.mesh || this.coarseVersion === this.mesh.version) return;
-    setIndex(this.quick.geometry, standIn(this.mesh, STAND_IN_FACES).index);
+    setIndex(this.quick.geometry, standIn(this.mesh, faces).index);
     this.coarseVersion = this.mesh.version;
-  }
-
-  /** The normals anew, after faces have gone or come. */
-  shade(): void {
-    if (!this.mesh) return;
-    const normal = this.full.geometry.getAttribute("normal") as BufferAttribute;
-    (normal.array as Int8Array).set(vertexNormals(this.mesh));
-    normal.needsUpdate = true;
   }
 }
 

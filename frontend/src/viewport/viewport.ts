@@ -151,10 +151,8 @@ export class Viewport implements HandledView {
   patched(parts: readonly Part[]): void {
     const { mesh } = this;
     if (!mesh) return;
-    if (parts.every((part) => part.kind === "alive")) {
-      for (const part of parts) this.surface.touched(part.faces);
-      this.surface.shade();
-    } else {
+    if (parts.every((part) => part.kind === "alive")) this.surface.touched(parts.map(({ faces }) => faces));
+    else {
       this.surface.vertices();
       this.recolour();
       const box = mesh.bounds();
@@ -357,7 +355,7 @@ export class Viewport implements HandledView {
     this.moving = this.painter.tooSlowToMove;
     clearTimeout(this.restTimer);
     if (this.moving) {
-      this.surface.prepareCoarse();
+      this.surface.prepareCoarse(this.painter.coarseFaces);
       this.restTimer = setTimeout(() => {
         this.moving = false;
         this.repaint();

@@ -26,12 +26,14 @@ _LATEST = frozenset({"beat", "frame", "devices", "scanning", "job"})
 class Client:
     """One browser's end of the hub. Its methods belong to the thread of the event loop."""
 
-    def __init__(self, remote: bool) -> None:
+    def __init__(self, remote: bool, browser: str) -> None:
         self.id = secrets.token_urlsafe(9)
         self.remote = remote
         """Whether it is on another computer."""
-        self.seen = time.monotonic()
-        """When a person last asked for something."""
+        self.browser = browser
+        """The same for all pages of one browser."""
+        self.joined = self.seen = time.monotonic()
+        """When it came, and when a person last asked for something."""
         self.unshown: set[int] = set()
         """Numbers of live pictures that it has not acknowledged."""
         self.lost = False
@@ -111,11 +113,19 @@ class Hub:
         return True
 
     def leave(self, client: Client) -> None:
-        """A client has disconnected."""
+        """A client has disconnected.
+
+        A page that is loaded anew may come before it has gone: the last page of its browser that
+        came after its last request, and is not lost itself, is the operator then. Nobody else is
+        without asking.
+        """
         with self._lock:
             self._clients.pop(client.id, None)
             if self._operator == client.id:
-                self._operator, self._alone_since = None, time.monotonic()
+                own = [c for c in self._clients.values() if c.browser == client.browser]
+                later = [c for c in own if c.joined >= client.seen and not c.lost]
+                self._operator = later[-1].id if later else None
+                self._alone_since = time.monotonic()
         self.tell_control()
 
     def take(self, client: Client) -> None:

@@ -341,6 +341,11 @@ class OpenScan:
         state, arrays = self.session.touched()
         return self._mesh_header(state), encoded(arrays)
 
+    def quality(self) -> tuple[p.MeshHeader, dict[str, Array]]:
+        """How well the region about each vertex is known."""
+        state, arrays = self.session.quality()
+        return self._mesh_header(state), encoded(arrays)
+
     def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
         self.session.undo(job)

@@ -28,6 +28,7 @@ from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, ScanError
+from turnscan.memory import give_back
 from turnscan.workflows import TARGET, artefact, duplicate_scan, mesh_file_arrays
 
 HERE = Path(__file__).parent
@@ -38,6 +39,8 @@ UPLOADS = frozenset({"/api/scans", "/api/files", "/api/uploads"})
 _FOREVER = "public, max-age=31536000, immutable"
 _REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """A report is of the folder, where anybody may have put it: it runs nothing."""
+_LARGE = 8 * 2**20
+"""Bytes from which on what a message was made from goes back to the system at once."""
 _SQUEEZE = 1
 """Level of gzip: fast; meshes shrink to about a half."""
 
@@ -67,6 +70,7 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/scans/{scan}/file", _scan_file(workshop)),
         Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
         Route("/api/scans/{scan}/edits", _data(workshop, lambda scan, request: scan.touched())),
+        Route("/api/scans/{scan}/quality", _data(workshop, lambda scan, request: scan.quality())),
         Route("/api/scans/{scan}/steps/{picture}.png", _step_picture(workshop)),
         Route("/api/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
         Route("/api/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
@@ -178,7 +182,9 @@ def _upload(workshop: Workshop) -> Endpoint:
     async def upload(request: Request) -> Response:
         name, total = request.query_params.get("upload"), _number(request, "bytes", 16)
         if name is None:
-            return _json(q.Uploaded(upload=workshop.uploads.begin(total or 0), received=0), 201)
+            if total is None:
+                raise InputError("bytes: no size is given", hint="say how large the file is")
+            return _json(q.Uploaded(upload=workshop.uploads.begin(total), received=0), 201)
         at = _number(request, "at", 16) or 0
         return _json(
             q.Uploaded(upload=name, received=await workshop.uploads.add(name, at, request.stream()))
@@ -323,6 +329,9 @@ async def _envelope(request: Request, make: Callable[[], Answer]) -> Response:
     def build() -> bytes:
         header, arrays = make()
         message = pack(header.model_dump(mode="json"), arrays)
+        if len(message) > _LARGE:
+            del arrays
+            give_back()
         return gzip.compress(message, _SQUEEZE) if squeeze else message
 
     squeeze = "gzip" in request.headers.get("accept-encoding", "")

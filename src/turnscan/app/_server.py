@@ -23,6 +23,7 @@ from turnscan.app._routes import UPLOADS, routes
 from turnscan.app._socket import MESSAGE_BYTES
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, SafetyError
+from turnscan.memory import share_pools
 
 HEADER_SECONDS = 10.0
 """s in which the head of a connection's first request has to come."""
@@ -183,6 +184,7 @@ def serve(
     where the port cannot be had, and SafetyError where a laser may still be lit at the end.
     """
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
+    share_pools()
     opened = bind(where)
     port = int(opened.getsockname()[1])
     shown = where.host

@@ -30,6 +30,7 @@ _NOT_A_MESSAGE, _BAD_REQUEST, _TOO_MUCH, _BEHIND, _FULL = 1003, 1008, 1008, 1013
 _TYPED = {
     "string_too_short": "may not be empty",
     "string_too_long": "has more than {max_length} characters",
+    "string_unicode": "has half a character: type it again",
     "greater_than": "must be above {gt}",
     "greater_than_equal": "must be at least {ge}",
     "less_than": "must be below {lt}",
@@ -44,7 +45,7 @@ async def socket(websocket: WebSocket) -> None:
     """One browser, from its coming to its going."""
     workshop: Workshop = websocket.scope["workshop"]
     address = websocket.client.host if websocket.client else ""
-    client = Client(remote=not is_loopback(address))
+    client = Client(not is_loopback(address), websocket.scope["browser"])
     await websocket.accept()
     if not workshop.hub.join(client):
         await websocket.close(_FULL, "too many browsers are connected")

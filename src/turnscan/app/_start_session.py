@@ -35,6 +35,8 @@ class StartRoom:
         """``release`` closes the document of a scan, ``tell`` tells everybody the lists."""
         self.gallery = Gallery(library)
         self._jobs, self._library, self._release, self._tell = jobs, library, release, tell
+        self._moving = threading.Lock()
+        """Scan files get their names, and leave the list and the bin, one at a time."""
         self._ended = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="folder", daemon=True)
         self._watcher.start()
@@ -46,10 +48,11 @@ class StartRoom:
 
     def rename(self, request: q.Rename) -> None:
         """Give a scan another name."""
-        path = self._library.path(request.scan)
-        self._library.new_path(request.name)  # a name that is refused closes no document
-        self._release(request.scan)
-        self.gallery.rename(path, request.name)
+        with self._moving:
+            path = self._library.path(request.scan)
+            self._library.new_path(request.name)  # a name that is refused closes no document
+            self._release(request.scan)
+            self.gallery.rename(path, request.name)
         self._tell()
 
     def duplicate(self, request: q.Duplicate) -> None:
@@ -59,19 +62,22 @@ class StartRoom:
 
     def to_bin(self, request: q.ToBin) -> None:
         """Put a scan into the bin."""
-        path = self._library.path(request.scan)
-        self._release(request.scan)
-        self.gallery.discard(path)
+        with self._moving:
+            path = self._library.path(request.scan)
+            self._release(request.scan)
+            self.gallery.discard(path)
         self._tell()
 
     def restore(self, request: q.Restore) -> None:
         """Take a scan out of the bin."""
-        self.gallery.restore(request.binned)
+        with self._moving:
+            self.gallery.restore(request.binned)
         self._tell()
 
     def empty_bin(self) -> None:
         """Delete for good what is in the bin."""
-        self.gallery.empty_bin()
+        with self._moving:
+            self.gallery.empty_bin()
         self._tell()
 
     def show_folder(self) -> None:

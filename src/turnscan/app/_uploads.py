@@ -50,26 +50,29 @@ class Uploads:
 
     def received(self, name: str) -> int:
         """Bytes that are here. Raises InputError for none of that name."""
-        return self._find(name).path.stat().st_size
+        return self._size(name)
 
     async def add(self, name: str, at: int, body: AsyncIterator[bytes]) -> int:
         """Append a piece that begins at byte ``at``; the bytes that are here then.
 
         A piece that begins elsewhere than where the file ends is not taken: the answer says where
-        the next one begins. Raises InputError, LimitExceeded beyond the total, StorageFull.
+        the next one begins. Raises InputError, StorageFull, and LimitExceeded beyond the total:
+        then nothing of the piece is kept.
         """
         upload = self._find(name)
         self._all[name] = self._all.pop(name)  # the latest
         async with upload.lock:
-            here = upload.path.stat().st_size
+            here = self._size(name)
             if at != here:
                 return here
             self._check(upload.total - here)
             try:
-                with upload.path.open("ab") as file:
+                with upload.path.open("r+b") as file:
+                    file.seek(at)
                     async for piece in body:
                         here += len(piece)
                         if here > upload.total:
+                            file.truncate(at)  # a piece of another file, perhaps
                             raise LimitExceeded(
                                 f"more than the {upload.total} bytes of the file",
                                 hint="send the file again",
@@ -83,7 +86,7 @@ class Uploads:
         """The bytes of a file that is whole; it is forgotten then. Raises InputError."""
         upload = self._find(name)
         async with upload.lock:
-            here = upload.path.stat().st_size
+            here = self._size(name)
             if here != upload.total:
                 raise InputError(f"{here} of {upload.total} bytes received", hint="send the rest")
             self._all.pop(name, None)
@@ -93,6 +96,14 @@ class Uploads:
                         yield piece
             finally:
                 upload.path.unlink(missing_ok=True)
+
+    def _size(self, name: str) -> int:
+        """Bytes that are here; where somebody has cleared the folder, there is no such upload."""
+        try:
+            return self._find(name).path.stat().st_size
+        except FileNotFoundError:
+            self._all.pop(name, None)
+            return self._size(name)
 
     def _find(self, name: str) -> _Upload:
         try:

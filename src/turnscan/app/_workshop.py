@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,7 @@ from turnscan.app._step_pictures import StepPictures
 from turnscan.app._uploads import Uploads
 from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
+from turnscan.memory import give_back
 from turnscan.progress import Cancelled
 from turnscan.workflows import EditChanges, Stale, edits, read_rig_file
 
@@ -40,6 +42,10 @@ _FILES = ("folder", "video")
 """Kinds of cameras that read files."""
 _OPEN_SCANS = 4
 """Documents that are held open at a time."""
+_CLOSING = 60.0
+"""s that a document may take to be closed before what waits for it is refused."""
+_OPEN_FACES = 1_000_000
+"""Triangles of all documents that stay open while another one is opened, some 200 bytes each."""
 
 
 Answer = p.Model | tuple[p.Model, Mapping[str, Array]] | None
@@ -88,10 +94,10 @@ class Workshop:
         """What `close` raised."""
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
-        self._leaving: dict[str, threading.Event] = {}
+        self._leaving: dict[str, tuple[OpenScan, threading.Event]] = {}
         """Documents that are closed to make room, until they are."""
-        self._trials: dict[str, Job] = {}
-        """The trial of settings of each browser."""
+        self._trials: dict[str, tuple[int, Job]] = {}
+        """The trial of settings of each browser, and the number of the request."""
         self._lock = threading.RLock()
         self._pool = ThreadPoolExecutor(8, "request")
         self.pictures = StepPictures(library.folder / OWN)
@@ -234,12 +240,6 @@ class Workshop:
             raise InputError("this scan is not open", hint="open it first")
         return scan
 
-    def add_path(self, path: Path) -> str:
-        """List a file that was put into the folder."""
-        name = self.library.name_of(path)
-        self.tell_scans()
-        return name
-
     def tell_scans(self) -> None:
         """Tell everybody the list of scan files."""
         self.hub.tell(p.Scans(scans=self.entries(), binned=self.start.gallery.binned()))
@@ -329,15 +329,18 @@ class Workshop:
         scan = self.opened(r.scan)
         job = Job(self.hub, "edit", "Trying settings", scan.name, shown=False)
         with self._lock:
-            before, self._trials[call.client.id] = self._trials.get(call.client.id), job
-        if before is not None:
+            number, before = self._trials.get(call.client.id, (0, job))
+            if number > r.id:  # that thread was faster
+                raise Cancelled
+            self._trials[call.client.id] = r.id, job
+        if before is not job:
             before.cancel()
         try:
             return scan.try_settings(r, job)
         finally:
             job.over = True
             with self._lock:
-                if self._trials.get(call.client.id) is job:
+                if self._trials.get(call.client.id) == (r.id, job):
                     del self._trials[call.client.id]
 
     def _compare_settings(self, call: Call) -> Answer:
@@ -445,57 +448,82 @@ class Workshop:
             if name in self._scans:
                 return self._scans[name].opened(call.id)
             if name not in self._opening:
-                leaving = None
-                if len(self._scans) + len(self._opening) >= _OPEN_SCANS:
-                    leaving = self._one_to_close()
+                leaving = self._to_close()
                 title = f"Opening {path.stem}"
                 self._opening[name] = self.jobs.start(
                     "open", title, lambda job: self._load(job, name, path, leaving), name
                 )
             return p.StartedJob(id=call.id, job=self._opening[name].id)
 
-    def _load(self, job: Job, name: str, path: Path, leaving: OpenScan | None) -> Result:
+    def _load(self, job: Job, name: str, path: Path, leaving: Sequence[str]) -> Result:
         try:
-            if leaving is not None:
-                self._make_room(leaving)
-            with self._lock:
-                closing = self._leaving.get(name)
-            if closing is not None:
-                closing.wait()  # a scan file has one writer
+            self._make_room(leaving)
+            self._await_leaving(name)
             scan = OpenScan(name, path, self.hub, job, self.pictures)
             with self._lock:
                 self._scans[name] = scan
             self.start.gallery.keep(path, scan.thumbnail(), scan.findings)
         finally:
+            give_back()
             with self._lock:
                 self._opening.pop(name, None)
         self.hub.tell(scan.opened(None))
         self.tell_scans()
         return Result(f"{path.stem} is open", findings=scan.findings)
 
-    def _one_to_close(self) -> OpenScan:
-        """The document that has not been used for the longest; it is open no more."""
-        name = min(self._scans, key=lambda n: self._scans[n].used, default=None)
-        if name is None:
+    def _to_close(self) -> list[str]:
+        """The documents that make room for another, those not used for the longest; none of them
+        is open any more. Raises Refusal where others are being opened in all places."""
+        if len(self._opening) >= _OPEN_SCANS:
             raise Refusal("busy", "other scans are being opened", "wait until they are open")
-        self._leaving[name] = threading.Event()
-        return self._scans.pop(name)
+        leaving = list[str]()
+        while len(self._scans) + len(self._opening) >= _OPEN_SCANS or self._faces() > _OPEN_FACES:
+            name = min(self._scans, key=lambda n: self._scans[n].used)
+            self._leaving[name] = self._scans.pop(name), threading.Event()
+            leaving.append(name)
+        return leaving
 
-    def _make_room(self, leaving: OpenScan) -> None:
+    def _faces(self) -> int:
+        return sum(scan.now.figures.faces for scan in self._scans.values())
+
+    def _make_room(self, leaving: Sequence[str]) -> None:
+        if not leaving:
+            return
+        with contextlib.ExitStack() as each:  # one that fails keeps no other from being closed
+            for name in leaving:
+                each.callback(self._put_back_leaving, name)
+        _give_back_all()
+
+    def _put_back_leaving(self, name: str) -> None:
         try:
-            self._put_back(leaving)
+            self._put_back(self._leaving[name][0])
         finally:
             with self._lock:
-                self._leaving.pop(leaving.name).set()
+                self._leaving.pop(name)[1].set()
+
+    def _await_leaving(self, name: str) -> None:
+        """Wait until a document that makes room is closed: a scan file has one writer.
+
+        Raises Refusal where that takes too long.
+        """
+        with self._lock:
+            leaving = self._leaving.get(name)
+        if leaving is not None and not leaving[1].wait(_CLOSING):
+            raise Refusal("busy", "this scan is being closed", "repeat this in a moment")
 
     def _release(self, name: str) -> None:
         """Close the document of a scan, where there is one. Raises Refusal while it is opened."""
+        self._await_leaving(name)
         with self._lock:
             if name in self._opening:
                 raise Refusal("busy", "this scan is being opened", "wait until it is open")
+            if name in self._leaving:
+                raise Refusal("busy", "this scan is being closed", "repeat this in a moment")
             document = self._scans.pop(name, None)
         if document is not None:
             self._put_back(document)
+            del document
+            _give_back_all()
             self.hub.tell(p.Closed(scan=name))
 
     def _put_back(self, document: OpenScan) -> None:
@@ -566,6 +594,12 @@ class Workshop:
 
     def _list_holes(self, call: Call) -> Answer:
         return self.opened(call.request.scan).holes(call.id, call.request.first)
+
+
+def _give_back_all() -> None:
+    """Have the system get back what closed documents held: each refers to itself."""
+    gc.collect()
+    give_back()
 
 
 def _check_remote(*addresses: str) -> None:

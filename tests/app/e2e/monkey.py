@@ -95,14 +95,14 @@ class Wire:
 
 
 def _header(data: str | bytes) -> dict[str, Any]:
-    if isinstance(data, bytes):
-        return unpack(data)[0]
+    if isinstance(data, bytes):  # with any number of arrays: a page takes all borders of holes
+        data = data[4 : 4 + int.from_bytes(data[:4], "little")].decode()
     message: dict[str, Any] = strict_json(data, "message")
     return message
 
 
 class Monkey:
-    """Random deeds on a page; the same seed wishes the same ones."""
+    """Random deeds on a page; the same seed draws the same ones."""
 
     def __init__(self, page: Any, seed: int) -> None:
         self.page, self._rng = page, np.random.default_rng(seed)

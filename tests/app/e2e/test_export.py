@@ -53,6 +53,15 @@ def test_formats_are_written_and_read_back_and_nothing_chosen_is_not(
             assert mesh.colour is not None
             off = mesh.colour[:, 0] - darker_upwards(mesh.vertices)
             assert np.median(np.abs(off)) < 3.0, name
+    page.get_by_role("button", name="Export GLB").click()
+    files = page.get_by_role("list", name="Exported files, the newest first").get_by_role("link")
+    files.nth(3).wait_for(timeout=60_000)
+    words = [
+        re.search(r"cup-\d+(\S*?\.[a-z0-9]{3})\s*(\d\d:\d\d:\d\d)", text)
+        for text in files.all_inner_texts()
+    ]
+    assert [w[1] for w in words if w] == ["-2.glb", ".glb", ".3mf", ".dxf"]
+    assert sorted((w[2] for w in words if w), reverse=True) == [w[2] for w in words if w]
     page.get_by_role("radio", name="DXF").check()
     page.get_by_role("checkbox", name="3DFACE").uncheck()
     assert page.get_by_role("button", name="Export DXF").is_disabled()

@@ -113,9 +113,14 @@ def test_in_every_room_no_label_is_cut_and_nothing_is_wrong_for_screen_readers(o
         wrong += [f"settings at {width} px: {label}" for label in cut(page)]
     page.keyboard.press("Escape")
     page.locator("body").click(position={"x": 2, "y": 2})
-    page.keyboard.press("?")
-    page.get_by_role("dialog").wait_for()
-    wrong += serious(page)
+    for keys in ("?", "Control+k"):
+        page.keyboard.press(keys)
+        page.get_by_role("dialog").wait_for()
+        for width, height in ((640, 400), (1024, 700)):
+            page.set_viewport_size({"width": width, "height": height})
+            settled(page)
+            wrong += [f"{keys} at {width} px: {one}" for one in (*serious(page), *cut(page))]
+        page.keyboard.press("Escape")
     assert wrong == []
 
 

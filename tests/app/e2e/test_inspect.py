@@ -112,6 +112,7 @@ def test_a_part_is_compared_with_cad_reported_and_measured_the_same_on_another_s
     features = page.get_by_role("list", name="Features of the reference").get_by_role("listitem")
     expect(features).to_have_count(5)
     page.get_by_text("aligned by shape: turned").evaluate("e => e.scrollIntoView()")
+    assert page.evaluate("scrollTo(0, 999), scrollY") == 0, "STOP stays on the page"
     picture(page, "compare-cad")
     page.get_by_role("button", name="Report as HTML").first.click()
     page.get_by_role("link", name="block comparison-report.html").wait_for(timeout=LONG)

@@ -74,6 +74,13 @@ def test_two_poses_are_joined_by_picked_points(new_page, folder: Path, picture) 
     off = re.search(r"fit to ([\d.]+) mm", fit.inner_text())
     assert off
     assert float(off[1]) < 1.0
+    # Both places of a point stand in one line, and are read whole.
+    typed = [rows.nth(0).get_by_role("textbox", name=pose) for pose in ("up", "lying")]
+    assert len({round(one.bounding_box()["y"]) for one in typed}) == 1
+    room = "e => e.clientWidth - parseFloat(getComputedStyle(e).paddingRight)"
+    for one in typed:
+        one.evaluate("e => e.scrollTo(1000, 0)")
+        assert one.evaluate("e => e.scrollLeft") == 0, one.evaluate(room)
     form.get_by_role("img", name="Pose up").evaluate("e => e.scrollIntoView({block: 'center'})")
     picture(page, "join-points")
     begin.click()

@@ -143,6 +143,7 @@ def test_profile_can_be_left_out_and_points_set_and_deleted(open_cup):
     until(page, f"turnscan.mark.step === {step - 1}")
     page.keyboard.press("Control+z")
     until(page, f"turnscan.faces === {scanned} && turnscan.cell({step}, 110)")
+    until(page, "turnscan.cursor === 0")  # else the wait for the next edit is over at once
     page.keyboard.press("PageDown")
     until(page, f"turnscan.mark.step === {step}")
     place = page.get_by_label("Place in the picture")

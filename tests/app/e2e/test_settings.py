@@ -88,3 +88,30 @@ def test_the_working_volume_is_dragged_and_typed(open_cup):
     expect(alert).to_contain_text("no height between", timeout=WAIT)
     page.get_by_role("button", name="Discard").click()
     expect(highest).to_have_value("")
+
+
+def test_settings_that_make_no_surface_say_why_at_their_field(open_cup):
+    page = open_cup()
+    mark(page, 20, 110)
+    page.get_by_role("tab", name="Settings").click()
+    every = page.get_by_role("spinbutton", name="Every", exact=True)
+    every.fill("1000")
+    every.press("Enter")
+    points = section(page, "Points")
+    expect(points.get_by_role("alert")).to_have_text(
+        "1 profile is left, and a surface needs two beside each other: in use is “every 1”",
+        timeout=WAIT,
+    )
+    patch = page.get_by_role("region", name="Patch, as typed")
+    expect(patch.get_by_text("a surface needs two")).to_be_visible()
+    every.fill("1")
+    every.press("Enter")
+    expect(points.get_by_role("alert")).to_have_count(0)
+    threshold = page.get_by_role("spinbutton", name="Threshold")
+    threshold.fill("5000")
+    threshold.press("Enter")
+    stripes = section(page, "Stripes")
+    expect(stripes.get_by_role("alert")).to_contain_text(
+        "no stripe above the threshold", timeout=WAIT
+    )
+    expect(patch.get_by_text("no stripe above the threshold")).to_be_visible()

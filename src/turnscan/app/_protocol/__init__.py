@@ -12,6 +12,7 @@ One WebSocket at ``/ws`` carries everything that happens; plain GETs carry what 
   send ``stop``. ``take_control`` makes the sender the operator, and the one before learns it.
 - An open scan is a document with an ``epoch`` and a ``revision``. Within an epoch vertices and
   faces keep their numbers: they are appended and cut off at the end, and faces die and come back.
+  Each opening of a scan begins with ``revision`` 0 and an epoch that no opening before it had.
   A patch is what one edit did, in one message, to everybody, in order; ``revision`` counts by one.
   Who has missed one, or sees ``replace``, gets the mesh again.
 - An edit names the ``base_revision`` it was made on. Where that is not the latest one it is
@@ -40,6 +41,8 @@ Binary GETs, under ``/api/scans/{scan}/``:
   where there is none, chosen i8 (n): −1 none, −2 a person's own place.
 - ``edits``: header `MeshHeader`; touch u8 (v), what was last done by hand at each vertex:
   0 nothing, 1 moved, 2 added, 3 faces about it deleted, 4 its point changed in the grid.
+- ``quality``: header `MeshHeader`; sigma f32 (v) mm, pooled over the region about each vertex, NaN
+  where there is none.
 - ``steps/{picture}.png``: the surface after an edit, small.
 - ``picture/{grid}/{step}.png``: the picture as it was stored, lit; what was not kept is black.
 
