@@ -36,7 +36,7 @@ class Scene:
     seed: int = 0
     paint: Material | None = None
 
-    def wish(self, rig: str, steps: int, folder: Path) -> SimulationSpec:
+    def spec(self, rig: str, steps: int, folder: Path) -> SimulationSpec:
         """The bench; a random form is written into the folder."""
         a, b = self.lean
         scene = self.name

@@ -1,6 +1,8 @@
 """Figures in the documents, written by the command that measures them.
 
-A page marks their place with two comments, ``<!-- figures: NAME -->`` and ``<!-- end -->``.
+A page marks their place with two comments, ``<!-- figures: NAME -->`` and ``<!-- end -->``. A table
+whose rows are measured one part at a time says in its last column of which commit each row is, so
+that rows of different age may stand together (`measured`, `replaced`).
 """
 
 from __future__ import annotations
@@ -8,6 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+
+from bench._commit import commit_of_code
 
 DOCS = Path(__file__).parents[1] / "docs"
 ACCURACY = DOCS / "explain" / "accuracy.md"
@@ -23,6 +27,40 @@ def figures(page: Path, name: str) -> list[str]:
     if found is None:
         raise ValueError(f"{page}: no figures: {name}")
     return [line for line in found[2].splitlines() if line]
+
+
+MEASURED = "measured"
+"""The head of the column that says with what and at which commit a row was measured."""
+UNKNOWN = "not recorded"
+
+
+def measured(lines: Sequence[str], how: str) -> list[str]:
+    """Rows of a table with one more cell: how they were measured, and at which commit."""
+    return [f"{line} {how}, {commit_of_code()} |" for line in lines]
+
+
+def cells(row: str) -> list[str]:
+    """What stands in a row of a table."""
+    return [cell.strip() for cell in row.strip().strip("|").split("|")]
+
+
+def replaced(old: Sequence[str], new: Sequence[str], keys: int, order: Sequence[str]) -> list[str]:
+    """The table ``new`` with the rows of ``old`` that it does not measure again.
+
+    The first ``keys`` cells of a row say what it is of; ``order`` holds the first cells in the
+    order of the table. The first two lines of ``new`` are its head; lines that are no rows are not
+    kept. Old rows that have too few cells for the head were measured nobody knows when.
+    """
+    head, rows = list(new[:2]), [line for line in new[2:] if line.startswith("|")]
+    width = len(cells(head[0]))
+    fresh = {tuple(cells(row)[:keys]) for row in rows}
+    for row in [line for line in old if line.startswith("|")][2:]:
+        have = cells(row)
+        if tuple(have[:keys]) not in fresh:
+            have += [""] * (width - 1 - len(have)) + [UNKNOWN] * (len(have) < width)
+            rows.append("| " + " | ".join(have) + " |")
+    place = {name: k for k, name in enumerate(order)}
+    return [*head, *sorted(rows, key=lambda row: place.get(cells(row)[0], len(place)))]
 
 
 def write(page: Path, name: str, lines: Sequence[str]) -> None:

@@ -36,11 +36,11 @@ ROOM = 0.5
 """Room light while the board is photographed, as a share of the grey scale."""
 
 
-def known_rig(made: Bench, wish: SimulationSpec, knowledge: Knowledge) -> Rig | None:
+def known_rig(made: Bench, spec: SimulationSpec, knowledge: Knowledge) -> Rig | None:
     """The rig to measure with; None for the truth itself."""
     if knowledge == "exact":
         return None
-    return as_planned(made.rig) if knowledge == "uncalibrated" else from_pictures(wish)
+    return as_planned(made.rig) if knowledge == "uncalibrated" else from_pictures(spec)
 
 
 def as_planned(rig: Rig) -> Rig:
@@ -63,17 +63,17 @@ def as_planned(rig: Rig) -> Rig:
     return rig.perturbed([off.get(name, 0.0) for name in names])
 
 
-def from_pictures(wish: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> Rig:
+def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> Rig:
     """Calibrate with simulated pictures of the board: held freely, under the laser, on the table.
 
     No picture of the table has the laser on: the boards under it say where its sheet is.
     """
     free, under, stops = views
-    scene = bench(replace(wish, scene="charuco", room=ROOM)).scene
-    made = replace(bench(wish), scene=scene)
-    seconds = seconds_of(wish)
+    scene = bench(replace(spec, scene="charuco", room=ROOM)).scene
+    made = replace(bench(spec), scene=scene)
+    seconds = seconds_of(spec)
     laser = made.beams[0].name
-    draw = np.random.default_rng(wish.seed)
+    draw = np.random.default_rng(spec.seed)
 
     def photograph(body_at: Pose, lit: tuple[str, ...], angle: float = 0.0) -> Image:
         body = replace(scene.bodies[0], T_table_part=body_at)

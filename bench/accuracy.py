@@ -59,7 +59,7 @@ class Case:
         known = ", true rig" if self.knowledge == "exact" else f", {self.knowledge}"
         return f"{self.rig}{angle}{known}" + (", perfect" if self.perfect else "")
 
-    def wish(self, seed: int) -> SimulationSpec:
+    def spec(self, seed: int) -> SimulationSpec:
         """The bench to build."""
         theta = math.radians(self.theta_deg) or None
         return SimulationSpec(
@@ -160,18 +160,18 @@ def _as_stripe(truth: Crossings, height: int) -> Stripe:
 
 def measure(case: Case, seed: int) -> dict[str, float]:
     """One case and seed → the figures of a row of the table."""
-    wish = case.wish(seed)
-    made = bench(wish)
-    steps = case.steps or steps_of(wish)
+    spec = case.spec(seed)
+    made = bench(spec)
+    steps = case.steps or steps_of(spec)
     start = time.perf_counter()
-    rig = known_rig(made, wish, case.knowledge)
-    real = scan(made, seconds_of(wish), steps, rig)
+    rig = known_rig(made, spec, case.knowledge)
+    real = scan(made, seconds_of(spec), steps, rig)
     row = stripe_figures(real, made)
     row |= _cloud_figures(real, made, case.knowledge == "exact")
     if case.knowledge != "exact":
         row.pop("E_n", None)  # it knows the stripe's noise only, not the rig's error
     elif "size µm" in row and made.noise:
-        still = scan(undisturbed(made), seconds_of(wish), min(steps, 40))
+        still = scan(undisturbed(made), seconds_of(spec), min(steps, 40))
         row["optics µm"] = _cloud_figures(still, made, True)["size µm"]
         row["E_n rest"] = row["E_n"] * abs(1 - row["optics µm"] / row["size µm"])
     row["detect s"] = real.seconds

@@ -50,8 +50,8 @@ def _batch(
 
 def _workers(folder: Path, quick: bool) -> None:
     scans, scan = QUICK if quick else SCANS, folder / "part.turnscan"
-    wish = workflows.SimulateOptions(steps=QUICK_STEPS) if quick else workflows.SimulateOptions()
-    workflows.simulate("cup", scan, wish)
+    spec = workflows.SimulateOptions(steps=QUICK_STEPS) if quick else workflows.SimulateOptions()
+    workflows.simulate("cup", scan, spec)
     _batch(folder, scan, 1, 1)  # compiles sources and kernels, or reads what is compiled
     times, used = {}, {}
     for workers in (1, 2):
@@ -74,13 +74,17 @@ def _processor() -> float:
 
 def held() -> float:
     """MB that this process and all that it started hold; NaN where the system does not say."""
-    total, waiting = 0.0, [os.getpid()]
+    total, waiting = 0.0, [(os.getpid(), b"")]
     try:
         while waiting:
-            place = Path(f"/proc/{waiting.pop()}")
+            pid, parent = waiting.pop()
+            place = Path(f"/proc/{pid}")
+            words = (place / "cmdline").read_bytes()
+            if words == parent:  # it begins just now, and shares the memory of what starts it
+                continue
             total += _own(place)
             for task in (place / "task").iterdir():
-                waiting += map(int, (task / "children").read_text().split())
+                waiting += [(int(x), words) for x in (task / "children").read_text().split()]
     except OSError:  # one of them ended just now
         return float("nan")
     return total

@@ -13,7 +13,6 @@ place of the light, ``--light moved`` with a wrong one.
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import _hole_truth as truth
-from bench import _page
+from bench import _keep, _page
 from bench._cause_scenes import HELD_OUT, MADE_WITH, Scene
 from bench.surface_truth import Run, scanned
 from turnscan.arrays import Bools, Floats, Ints
@@ -163,7 +162,7 @@ LIGHT: Mapping[str, Callable[[Rig], Rig]] = {
 
 def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Share]:
     """Of one scene, with one line and with two."""
-    made, path = scanned(scene.wish(RIG, STEPS, folder), folder, scene.paint)
+    made, path = scanned(scene.spec(RIG, STEPS, folder), folder, scene.paint)
     rig = LIGHT[light](made.rig)
     with Scan.open(path) as scan:
         run = Run(made, STEPS, tuple(detect_scan(scan, rig, Settings().stripes)))
@@ -188,13 +187,13 @@ def run(
     keep: Path | None = None, only: str | None = None, light: str = "known", write: bool = False
 ) -> None:
     """Print the tables and what was taken for what."""
-    with tempfile.TemporaryDirectory() as scratch:
+    with _keep.folder(keep) as folder:
         for word, scenes in SETS.items():
             if only not in (None, word):
                 continue
             rows, whole, said = list[str](), Share(), ""
             for scene in scenes:
-                one, two = shares(scene, keep or Path(scratch), light)
+                one, two = shares(scene, folder, light)
                 rows.append(f"| {scene} | {' | '.join(one.cells())} | {' | '.join(two.cells())} |")
                 print(rows[-1], flush=True)
                 whole += one + two

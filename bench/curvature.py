@@ -73,8 +73,8 @@ def outcome(
     aside: tuple[float, float] = ASIDE,
 ) -> Outcome:
     """A part's points. Raises ValueError for one whose surface has no formula."""
-    wish = SimulationSpec(part, "paper", lasers=2, steps=steps, shift=aside, seed=1)
-    made, path = scanned(wish, folder)
+    spec = SimulationSpec(part, "paper", lasers=2, steps=steps, shift=aside, seed=1)
+    made, path = scanned(spec, folder)
     body, s = made.scene.bodies[0], Settings()
     if body.part.distance is None:
         raise ValueError(f"{part}: no formula of its surface")

@@ -1,20 +1,31 @@
 """What the flags of a stripe promise, against stripes whose centres are known.
 
-``python -m bench flags`` prints two tables. Clipped: the bias and the scatter of stripes that are
+``python -m bench flags`` prints three tables. Clipped: the bias and the scatter of stripes that are
 cut off at the top over so many pixels, in widths of the stripe, and their scatter over the claimed
 sigma. Halo: one-sided light of growing strength beside the stripe; how far it moves the centre, in
-sigma, where the flag stands and where it does not.
+sigma, where the flag stands and where it does not. Pictures: how much sigma and the rms of the true
+error change from picture to picture of simulated scans of parts that are measured alike all round.
 """
 
 from __future__ import annotations
 
 import math
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from tests.stripes.pictures import light, picture
 
+from bench import _hole_truth
+from bench.surface_truth import scanned
 from turnscan.arrays import Floats
+from turnscan.detection import detect_scan
+from turnscan.points import build_grid, normal_sigma
+from turnscan.scan import Scan
+from turnscan.settings import Settings
+from turnscan.shapes import deviation
+from turnscan.simulate import SimulationSpec
 from turnscan.stripes import StripeFlag, StripeSettings, detect
 
 ROWS = 2000
@@ -30,6 +41,10 @@ GLOWS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2)
 """Light of a halo over that of the stripe itself."""
 LENGTH = 6.0
 """px over which a halo fades."""
+PARTS = ("cup", "cylinder")
+STEPS = 72
+MANY = 30
+"""Points of a picture that are enough."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +88,27 @@ def haloed(glow: float, sigma: float = 1.5, peak: float = 8000.0) -> Told:
     return _found(whole * grains, centre, None, StripeFlag.HALO)
 
 
+def steadiness(part: str) -> tuple[float, float]:
+    """Change of the rms error and of sigma from picture to picture of a scan, as parts of both."""
+    with tempfile.TemporaryDirectory() as folder:
+        made, path = scanned(SimulationSpec(part, "paper", lasers=1, steps=STEPS), Path(folder))
+        with Scan.open(path) as scan:
+            (seen,) = detect_scan(scan, made.rig, Settings().stripes)
+    s = seen.stripes
+    grid = build_grid(made.rig, s.laser, s.stripes, s.steps, s.angles)
+    clean = grid.found & (grid.flags == 0)
+    clean &= (clean.sum(axis=1) > MANY)[:, None]
+    off = deviation(grid.points[clean], _hole_truth.made_mesh(made)).distance
+    step = np.nonzero(clean)[0]
+    many = np.maximum(np.bincount(step), 1)
+    changes = []
+    for values in (off, normal_sigma(grid)[clean]):
+        rms = np.sqrt(np.bincount(step, values**2) / many)
+        rms = rms[rms > 0]
+        changes.append(float(rms.std() / rms.mean()))
+    return changes[0], changes[1]
+
+
 def run() -> None:
     """Print the tables."""
     print(
@@ -95,6 +131,10 @@ def run() -> None:
             f"| {glow:g} | {100 * t.flagged.mean():.1f} | {bias:+.3f} "
             f"| {bias / float(np.median(t.sigma)):+.2f} |", flush=True,
         )  # fmt: skip
+    print("\n| part | error from picture to picture % | sigma % |\n|---|---|---|")
+    for part in PARTS:
+        error, sigma = steadiness(part)
+        print(f"| {part} | {100 * error:.1f} | {100 * sigma:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,13 @@ other people that lie in ``../shared/data/parts``, on both rigs with two lasers 
 steps, the rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts the
 table into docs/explain/accuracy.md. ``python -m bench.foreign --keep FOLDER`` keeps the simulated
 scans there and finds them again, ``--only KIND …`` takes these random shapes alone, ``--each 2``
-the first two of each kind and no parts of other people, ``--rigs`` and ``--steps`` some of those.
+the first two of each kind and no parts of other people, ``--seeds 203 204`` those of each kind,
+``--rigs`` and ``--steps`` some of those.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import _hole_truth as truth
-from bench import _page
+from bench import _keep, _page
 from bench._cause_scenes import FORMS
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
 from turnscan import shapes
@@ -180,9 +180,9 @@ class Row:
         return f"| {' | '.join(cells)} |"
 
 
-def row(wish: SimulationSpec, name: str, folder: Path) -> Row:
+def row(spec: SimulationSpec, name: str, folder: Path) -> Row:
     """Scan a shape and hold what was measured against it."""
-    made, path = scanned(wish, folder)
+    made, path = scanned(spec, folder)
     with Scan.open(path) as scan:
         seen = tuple(detect_scan(scan, made.rig, Settings().stripes))
     grids = to_grids(seen, Settings()).grids
@@ -190,10 +190,10 @@ def row(wish: SimulationSpec, name: str, folder: Path) -> Row:
     mesh, _ = merge(grids)
     mesh, _ = cut_touching(mesh)
     mesh, _, _ = drop_islands(mesh, None, grids)
-    run = Run(made, wish.steps or 0, seen)
+    run = Run(made, spec.steps or 0, seen)
     some = places(made)
-    complete = covered(mesh, some, visible(run, some, FLAT, wish.lasers or 1), run.near)
-    return Row(name, wish.steps or 0, of_points(grids, part), of_mesh(mesh, part), complete)
+    complete = covered(mesh, some, visible(run, some, FLAT, spec.lasers or 1), run.near)
+    return Row(name, spec.steps or 0, of_points(grids, part), of_mesh(mesh, part), complete)
 
 
 def rows(
@@ -201,18 +201,18 @@ def rows(
     steps: Sequence[int],
     folder: Path,
     only: Sequence[str] = (),
-    each: int | None = None,
+    seeds: Sequence[int] = (),
 ) -> Iterator[Row]:
-    """All shapes on each rig, or the random ones of some kinds, the first of ``each``."""
+    """All shapes on each rig, or the random ones of some kinds and ``seeds``."""
     every = [
         (f"{name} {seed}", drawn(name, seed, folder))
         for name, seed in SHAPES
-        if (not only or name in only) and (each is None or seed < FIRST + each)
+        if (not only or name in only) and (not seeds or seed in seeds)
     ]
-    every += [] if only or each is not None else others(folder)
+    every += [] if only or seeds else others(folder)
     for rig, count, (name, path) in product(rigs, steps, every):
-        wish = SimulationSpec(str(path), rig, lasers=2, steps=count)
-        yield row(wish, f"{name}, {rig}", folder)
+        spec = SimulationSpec(str(path), rig, lasers=2, steps=count)
+        yield row(spec, f"{name}, {rig}", folder)
 
 
 def said(found: Sequence[Row]) -> str:
@@ -232,16 +232,16 @@ def run(
     into_pages: bool = False,
     keep: Path | None = None,
     only: Sequence[str] = (),
-    each: int | None = None,
+    seeds: Sequence[int] = (),
     rigs: Sequence[str] = RIGS,
     steps: Sequence[int] = STEPS,
 ) -> None:
     """Print every row as it is measured, and what they come to."""
     print("\n".join(HEAD))
     found = list[Row]()
-    with tempfile.TemporaryDirectory() as scratch:
+    with _keep.folder(keep) as folder:
         rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (rigs, steps)
-        for one in rows(rigs, steps, keep or Path(scratch), only, each):
+        for one in rows(rigs, steps, folder, only, seeds):
             print(one.line(), flush=True)
             found.append(one)
     print(said(found))
@@ -259,10 +259,12 @@ def main() -> None:
     kinds = sorted({name for name, _ in SHAPES})
     parser.add_argument("--only", choices=kinds, nargs="+", default=(), help="of these kinds")
     parser.add_argument("--each", type=int, help="so many random shapes of each kind, no others")
+    parser.add_argument("--seeds", type=int, nargs="+", default=(), help="shapes of these seeds")
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
     given = parser.parse_args()
-    run(given.quick, given.write, given.keep, given.only, given.each, given.rigs, given.steps)
+    seeds = given.seeds or range(FIRST, FIRST + (given.each or 0))
+    run(given.quick, given.write, given.keep, given.only, seeds, given.rigs, given.steps)
 
 
 if __name__ == "__main__":

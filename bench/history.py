@@ -16,7 +16,6 @@ import json
 import os
 import platform
 import re
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -29,6 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import reconstruct, stripes, surface
+from bench._commit import commit
 from turnscan.detection import detect_scan
 from turnscan.formats import export
 from turnscan.gridding import to_grids
@@ -122,8 +122,8 @@ def _cases(folder: Path, stack: ExitStack) -> dict[str, Callable[[], object]]:
     mesh = to_mesh(grids, settings, rig=rig).mesh
     lit, dark, _ = stripes.scene(480, 640)
     column = mesh_grid(surface.grid(120, 140, 0))
-    wish = SimulationSpec("cup", "paper", lasers=1)
-    renderer, exposure = Renderer(bench(wish)), seconds_of(wish)
+    spec = SimulationSpec("cup", "paper", lasers=1)
+    renderer, exposure = Renderer(bench(spec)), seconds_of(spec)
     angles = iter(np.arange(0.0, 6.0, 0.01))
     look = StripeSettings()
     return {
@@ -170,20 +170,6 @@ def machine() -> str:
     except (OSError, StopIteration):
         pass
     return re.sub(r"\W+", "-", f"{model} {os.cpu_count()}").strip("-")
-
-
-def commit() -> str:
-    """The commit that is checked out, with a ``+`` where something was changed since."""
-
-    def git(*words: str) -> str:
-        done = subprocess.run(
-            ["git", *words], capture_output=True, text=True, check=True, cwd=PLACE.parents[1]
-        )
-        return done.stdout.strip()
-
-    return git("rev-parse", "--short=10", "HEAD") + (
-        "+" if git("status", "--porcelain", "--", "src") else ""
-    )
 
 
 def keep(kept: Kept) -> Path:

@@ -3,6 +3,7 @@
     python -m bench monkey            2 000 deeds on a part of about 100 000 triangles
     python -m bench monkey --quick    200 of them
     python -m bench monkey 7 8        the same with other seeds, one after the other
+    python -m bench monkey --write    puts what came of it into docs/explain/editing.md
 
 Nothing may fail in the page, every edit that the server confirmed is in the scan file, the page
 shows what the server has, and undoing everything leads back to the first surface to the bit.
@@ -18,31 +19,39 @@ from tests.app.e2e.conftest import CHROMIUM, FLAGS, Server, until
 from tests.app.e2e.cup import write_whole_cup
 from tests.app.e2e.monkey import Monkey, Wire, back_to_the_start, digest_of, edits_in, settle
 
+from bench._commit import commit
+from bench._page import DOCS, write
+
 DEEDS, QUICK = 2000, 200
 STEPS, SCALE = 270, 2
+PAGE = DOCS / "explain" / "editing.md"
 PARTS = None
 SEED = "1"
 OPENS = 1800.0
 """s within which the part is open: on a busy machine, with everything to be compiled first."""
 
 
-def run(quick: bool = False, parts: tuple[str, ...] = ()) -> None:
+def run(quick: bool = False, parts: tuple[str, ...] = (), into_pages: bool = False) -> None:
     """Print what the monkey did and what it broke."""
     from playwright.sync_api import sync_playwright
 
+    lines: list[str] = []
     for seed in parts or (SEED,):
         with tempfile.TemporaryDirectory() as name, sync_playwright() as p:
             path = write_whole_cup(Path(name) / "part.turnscan", STEPS, SCALE)
             server = Server(Path(name))
             browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             try:
-                _play(browser, server, path, QUICK if quick else DEEDS, int(seed))
+                lines += _play(browser, server, path, QUICK if quick else DEEDS, int(seed))
             finally:
                 browser.close()
                 server.end()
+    if into_pages:
+        write(PAGE, "monkey", ["```text", *lines, "```", "", f"Measured at {commit()}."])
 
 
-def _play(browser: object, server: Server, path: Path, deeds: int, seed: int) -> None:
+def _play(browser: object, server: Server, path: Path, deeds: int, seed: int) -> list[str]:
+    """What came of it, in lines that were printed."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})  # type: ignore[attr-defined]
     broken: list[str] = []
     monkey = Monkey(page, seed)
@@ -80,11 +89,16 @@ def _play(browser: object, server: Server, path: Path, deeds: int, seed: int) ->
     back_to_the_start(page, wire)
     last = page.evaluate("turnscan.digest")
     made = sum(wire.made.values())
-    print(f"  {deeds} deeds: {made} edits confirmed, {kept} in the file, {wire.unheard} unheard")
-    print(f"  refused: {dict(wire.refused)}; internal errors: {wire.refused['mistake']}")
-    print(f"  errors in the page, and surfaces shown that the server has not: {len(broken)}")
-    print(f"  no confirmed edit is lost: {_yes(made <= kept <= made + wire.unheard)}")
-    print(f"  undone to the first surface, to the bit: {_yes(last == first)} ({last})")
+    lines = [
+        f"{deeds} deeds: {made} edits confirmed, {kept} in the file, {wire.unheard} unheard",
+        f"refused: {dict(wire.refused)}; internal errors: {wire.refused['mistake']}",
+        f"errors in the page, and surfaces shown that the server has not: {len(broken)}",
+        f"no confirmed edit is lost: {_yes(made <= kept <= made + wire.unheard)}",
+        f"undone to the first surface, to the bit: {_yes(last == first)} ({last})",
+    ]
+    for line in lines:
+        print(f"  {line}")
+    return [f"seed {seed}: {faces:,} triangles, digest {first}", *lines]
 
 
 def _yes(is_so: bool) -> str:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from bench import _keep
 from bench.surface_truth import scanned
 from turnscan import poses
 from turnscan.pipeline import reconstruct
@@ -41,8 +41,8 @@ def view_of(name: str, grids: list[RangeGrid]) -> poses.View:
 def cup_pose(folder: Path, name: str, tip: float, steps: int) -> poses.View:
     """A cup scanned by the modern rig, tipped by so much; with speckle, noise and halo."""
     start = time.process_time()
-    wish = SimulationSpec(scene="cup", rig="modern", lasers=1, steps=steps, tip=tip)
-    path = scanned(wish, folder)[1]
+    spec = SimulationSpec(scene="cup", rig="modern", lasers=1, steps=steps, tip=tip)
+    path = scanned(spec, folder)[1]
     print(f"  {name}: {path.name}, {time.process_time() - start:.0f} s of a core", flush=True)
     with Scan.open(path) as scan:
         return view_of(name, list(reconstruct(scan).grids))
@@ -143,8 +143,8 @@ def worst(a: Sequence[Pose], b: Sequence[Pose], views: list[poses.View]) -> floa
 
 def run(quick: bool = False, keep: Path | None = None) -> None:
     """Print both."""
-    with tempfile.TemporaryDirectory() as scratch:
-        cup(keep or Path(scratch), STEPS // 2 if quick else STEPS)
+    with _keep.folder(keep) as folder:
+        cup(folder, STEPS // 2 if quick else STEPS)
     if BUNNY.is_dir():
         bunny()
 

@@ -195,7 +195,7 @@ def _staged(path: Path, rig: Rig, settings: Settings, books: Ledger) -> tuple[in
             grids, _, _ = to_grids(seen, settings)
         del seen
         with books.stage("mesh"):
-            _, mesh, _ = to_mesh(grids, settings, rig=rig)
+            mesh = to_mesh(grids, settings, rig=rig).mesh
     wall, used = time.perf_counter(), _processor()
     soundness(mesh)
     wall, used = time.perf_counter() - wall, _processor() - used

@@ -1,9 +1,10 @@
 """Shapes of simulated scans against the truth: dimensions, edges, what is missed and invented.
 
 ``python -m bench shapes`` scans parts with the paper's rig, known exactly, at 1.8° (``--quick``:
-two of them); ``python -m bench shapes hexagon shaft`` some alone; ``--write`` puts the table into
-the page. ``python -m bench.shapes --rig modern --calibrated`` takes another rig, or one calibrated
-from pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --steps 24 shaft``
+two of them); ``python -m bench shapes hexagon shaft`` some alone; ``--write`` puts their rows into
+the page, each with the commit that it is of, and leaves those of other parts.
+``python -m bench.shapes --rig modern --calibrated`` takes another rig, or one calibrated from
+pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --steps 24 shaft``
 scans a part so many times and tells how often its sizes keep their uncertainty; ``--keep FOLDER``
 keeps the scans there and finds them again; ``--freeform`` tells what is invented on a dense mesh of
 which nothing is a shape, and how long that takes.
@@ -13,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from bench._page import DOCS, write
+from bench import _keep
+from bench._page import DOCS, MEASURED, figures, measured, replaced, write
 from bench._rigs import known_rig
 from bench.accuracy import NEAR_EDGE
 from bench.surface_truth import scanned
@@ -92,8 +93,8 @@ TRUTHS: dict[str, tuple[Truth, ...]] = {
     "gear": (Truth("hub ⌀", "diameter", 24.0), Truth("tip ⌀", "diameter", 66.0)),
 }
 HEAD = (
-    "| part | size | true | measured | ± | error µm | E_n |",
-    "|---|---|---|---|---|---|---|",
+    f"| part | size | true | found | ± | error µm | E_n | {MEASURED} |",
+    "|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -109,9 +110,15 @@ class Task:
     steps: int = STEPS
 
     @property
-    def wish(self) -> SimulationSpec:
+    def spec(self) -> SimulationSpec:
         """The bench to build."""
         return SimulationSpec(self.part, self.rig, lasers=1, seed=self.seed, steps=self.steps)
+
+    @property
+    def how(self) -> str:
+        """What the table says of it."""
+        more = ", rig calibrated" if self.calibrated else ""
+        return f"{self.steps} steps{more}" + (f", seed {self.seed}" if self.seed != 1 else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +136,7 @@ class Found:
 
 def found_on(task: Task, folder: Path) -> Found:
     """Scan a part, or take the scan in the folder, and find its shapes."""
-    made, path = scanned(task.wish, folder)
+    made, path = scanned(task.spec, folder)
     believed = _believed(task, made, folder)
     wanted = Settings()
     with Scan.open(path) as kept:
@@ -149,7 +156,7 @@ def _believed(task: Task, made: Bench, folder: Path) -> Rig:
         return made.rig
     path = folder / f"rig-{task.part}-{task.rig}-seed-{task.seed}.json"
     if not path.exists():
-        path.write_text(rig_to_json(known_rig(made, task.wish, "calibrated") or made.rig))
+        path.write_text(rig_to_json(known_rig(made, task.spec, "calibrated") or made.rig))
     return rig_from_json(path.read_text())
 
 
@@ -280,20 +287,25 @@ def _rest(name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent
 def run(parts: Sequence[str] = (), quick: bool = False, into_pages: bool = False) -> None:
     """Print the table of the paper's rig, known exactly."""
     tasks = [Task(name) for name in parts or (PARTS[:2] if quick else PARTS)]
-    with tempfile.TemporaryDirectory() as scratch:
-        _table(tasks, Path(scratch), into_pages)
+    with _keep.folder(None) as folder:
+        _table(tasks, folder, into_pages)
 
 
 def _table(tasks: Sequence[Task], folder: Path, into_pages: bool) -> None:
     lines = list(HEAD)
     print("\n".join(lines), flush=True)
     for task in tasks:
-        more = measured_part(task, folder)
+        more = measured(measured_part(task, folder), task.how)
         lines += more
         print("\n".join(more), flush=True)
-    if into_pages:
-        rig = tasks[0].rig
-        write(PAGE, "shapes" if rig == "paper" else f"shapes-{rig}", lines)
+        if into_pages:
+            rig = tasks[0].rig
+            into_page("shapes" if rig == "paper" else f"shapes-{rig}", lines)
+
+
+def into_page(name: str, lines: Sequence[str]) -> None:
+    """Put the rows of some parts into a table of the page; those of other parts stay."""
+    write(PAGE, name, replaced(figures(PAGE, name), lines, 1, PARTS))
 
 
 def freeform(columns: int = 450, sigma: float = 0.02) -> Mesh:
@@ -342,16 +354,17 @@ def main() -> None:
     tasks = [
         Task(name, args.rig, args.calibrated, args.seed, args.steps) for name in args.parts or PARTS
     ]
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = args.keep or Path(scratch)
+    with _keep.folder(args.keep) as folder:
         if args.seeds is None:
             _table(tasks, folder, args.write)
             return
         for task in tasks:
-            lines = repeated(task, args.seeds, folder)
+            head, line, *rows = repeated(task, args.seeds, folder)
+            rows = measured(rows, f"{args.seeds} × {task.how}")
+            lines = [f"{head} {MEASURED} |", f"{line}---|", *rows]
             print("\n".join(lines), flush=True)
             if args.write:
-                write(PAGE, "shapes-seeds", lines)
+                into_page("shapes-seeds", lines)
 
 
 if __name__ == "__main__":

@@ -123,8 +123,8 @@ def _work(
 
 def _camera(scene: str, rig: str, lit: bool) -> Callable[[int], bytes]:
     """Takes the picture of a number, in a scene that is ready."""
-    wish = SimulationSpec(scene, rig, lasers=1)
-    renderer, seconds = Renderer(bench(wish)), seconds_of(wish)
+    spec = SimulationSpec(scene, rig, lasers=1)
+    renderer, seconds = Renderer(bench(spec)), seconds_of(spec)
     burning = ["right"] if lit else []
 
     def picture(k: int) -> bytes:

@@ -5,7 +5,8 @@ level faces are seen, on the paper's rig and the modern one, with one laser and 
 them as ``turnscan reconstruct --close`` does, finds shapes, writes them as ``turnscan shapes … -o
 x.step`` does, and reads that back. ``--quick`` takes two parts. ``python -m bench.solids --keep
 FOLDER`` keeps the simulated scans there and finds them again, ``--parts cup,hexagon`` takes some
-parts alone, ``--rig paper`` one rig, ``--write`` puts the table into the page.
+parts alone, ``--rig paper`` one rig, ``--write`` puts their rows into the page, each with the
+commit that it is of, and leaves those of other scans.
 
 The volume of a solid is compared with that of the mesh, and with the true one. The closing lays a
 lid over the opening of a mug or a cup, so that their solid is a filled vessel: no drawing gives its
@@ -16,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from bench import _hole_truth as truth
-from bench._page import DOCS, write
+from bench import _keep
+from bench._page import DOCS, MEASURED, cells, figures, measured, replaced, write
 from bench.surface_truth import scanned
 from turnscan import workflows as w
 from turnscan.drawings import read_step
@@ -37,8 +38,9 @@ _SURE = 2.0
 """Standard uncertainties that a volume may be off."""
 HEAD = (
     "| part | rig, lasers | mesh | STEP | faces: shapes, B-splines, triangles | volume off the "
-    "mesh | off the truth | off the truth / u | points off it, rms µm | s of a core |",
-    "|---|---|---|---|---|---|---|---|---|---|",
+    "mesh | off the truth | off the truth / u | points off it, rms µm | s of a core "
+    f"| {MEASURED} |",
+    "|---|---|---|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -80,6 +82,7 @@ CASES = (
     Case("cup", "modern", 2, 60, lid=True),
     Case("bracket", "modern", 2, 60, _leaning(35, 0)),
 )
+ORDER = tuple(dict.fromkeys(case.part for case in CASES))
 
 
 @dataclass(frozen=True)
@@ -111,11 +114,12 @@ class Row:
             what = f"{self.solids} solid{'s' if self.solids > 1 else ''}"
         what += f", {'valid' if self.valid else 'NOT VALID'}"
         mesh = "closed" if self.closed else "open"
-        figures = (
+        said = (
             _figure(self.off_mesh, "+.2%"), _figure(self.off, "+.2%"), _figure(self.ratio, "+.2f"),
             _figure(1e3 * self.rms, ".0f"), f"{self.seconds:.0f}",
         )  # fmt: skip
-        return f"| {c.part} | {how} | {mesh} | {what} | {self.made_of} | {' | '.join(figures)} |"
+        row = f"| {c.part} | {how} | {mesh} | {what} | {self.made_of} | {' | '.join(said)} |"
+        return measured([row], f"{c.steps} steps")[0]
 
 
 def _figure(value: float, form: str) -> str:
@@ -148,43 +152,49 @@ def row(case: Case, folder: Path) -> Row:
     )  # fmt: skip
 
 
-def summary(rows: Sequence[Row]) -> str:
-    """How many of the scans became solids, and how many volumes are right."""
-    made = [r for r in rows if r.solids and r.valid]
-    closed = [r for r in rows if r.closed]
-    known = [r for r in made if math.isfinite(r.ratio)]
-    near = [r for r in known if abs(r.ratio) <= _SURE]
-    shells = [r for r in rows if r.valid and not r.solids and r.made_of]
+def summary(lines: Sequence[str]) -> str:
+    """How many of the scans in a table became solids, and how many volumes are right."""
+    rows = [cells(line) for line in lines]
+    valid = [r for r in rows if "NOT VALID" not in r[3]]
+    made = [r for r in valid if "solid" in r[3]]
+    shells = sum(r[3].startswith("shell") for r in valid)
+    known = [float(r[7]) for r in made if r[7]]
+    near = [ratio for ratio in known if abs(ratio) <= _SURE]
     return (
-        f"Of {len(rows)} scans {len(closed)} had a closed mesh. {len(made)} became valid solids, "
-        f"{len(shells)} valid shells, {sum(not r.made_of for r in rows)} triangles alone. "
+        f"Of {len(rows)} scans {sum(r[2] == 'closed' for r in rows)} had a closed mesh. "
+        f"{len(made)} became valid solids, {shells} valid shells, "
+        f"{sum(not r[4] for r in rows)} triangles alone. "
         f"{len(near)} of {len(known)} volumes are right within {_SURE:.0f} u."
     )
 
 
-def solids(cases: Sequence[Case], folder: Path) -> list[str]:
-    """The lines of the table."""
-    rows = list[Row]()
+def solids(cases: Sequence[Case], folder: Path, into_pages: bool = False) -> None:
+    """Print the lines of the table, and put each into the page as soon as it is known."""
     print("\n".join(HEAD))
+    lines = list[str]()
     for case in cases:
-        rows.append(row(case, folder))
-        print(rows[-1].line(), flush=True)
-    end = [
+        lines.append(row(case, folder).line())
+        print(lines[-1], flush=True)
+        if into_pages:
+            table = replaced(figures(PAGE, "solids"), [*HEAD, *lines], 2, ORDER)
+            write(PAGE, "solids", [*table, *_said(table[2:])])
+    print("\n".join(_said(lines)))
+
+
+def _said(lines: Sequence[str]) -> list[str]:
+    """What stands under the rows of a table."""
+    return [
         "",
-        summary(rows),
+        summary(lines),
         "u is the standard uncertainty of the mesh's volume. The mesh of a mug or a cup has a lid, "
         "so it is compared with no true volume.",
     ]
-    print("\n".join(end))
-    return [*HEAD, *(r.line() for r in rows), *end]
 
 
 def run(quick: bool = False, into_pages: bool = False) -> None:
     """All parts."""
-    with tempfile.TemporaryDirectory() as scratch:
-        lines = solids(CASES[:2] if quick else CASES, Path(scratch))
-    if into_pages and not quick:
-        write(PAGE, "solids", lines)
+    with _keep.folder(None) as folder:
+        solids(CASES[:2] if quick else CASES, folder, into_pages)
 
 
 def main() -> None:
@@ -193,7 +203,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
     parser.add_argument("--parts", default="", help="parts, with commas between them")
     parser.add_argument("--rig", default="", help="this rig alone: paper or modern")
-    parser.add_argument("--write", action="store_true", help="put the table into the page")
+    parser.add_argument("--write", action="store_true", help="put their rows into the page")
     args = parser.parse_args()
     wanted = [
         c
@@ -202,12 +212,8 @@ def main() -> None:
     ]
     if not wanted:
         parser.error("no scan is of these parts on this rig")
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = args.keep or Path(scratch)
-        folder.mkdir(parents=True, exist_ok=True)
-        lines = solids(wanted, folder)
-    if args.write:
-        write(PAGE, "solids", lines)
+    with _keep.folder(args.keep) as folder:
+        solids(wanted, folder, args.write)
 
 
 if __name__ == "__main__":

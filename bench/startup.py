@@ -4,7 +4,8 @@ Each command runs in a process of its own, which is what a person starts. Printe
 processor time (user and system, all threads) and on the clock, the best of some runs; for
 ``import turnscan`` also without the interpreter's own start. The first surface is measured with an
 empty cache of compiled kernels (the first run on a machine, or after an update) and a filled one.
-``python -m bench startup cold`` is that part alone.
+``python -m bench startup cold`` is that part alone; ``--write`` puts it into
+docs/explain/sizing.md.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from pathlib import Path
 
 import click
 
+from bench._page import DOCS, write
 from turnscan.cli import turnscan as command_line
 from turnscan.workflows import SimulateOptions, simulate
 
+PAGE = DOCS / "explain" / "sizing.md"
 PARTS = ("commands", "cold")
 IMPORT_LIMIT, HELP_LIMIT = 0.030, 0.3
 """s of `import turnscan`, and of `turnscan --help`, that are wanted."""
@@ -68,7 +71,7 @@ def _imports(runs: int) -> float:
     return min(float(d.stdout) for d in done)
 
 
-def _first_surface(runs: int) -> None:
+def _first_surface(runs: int, into_pages: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
         scan, cache = Path(folder) / "cup.turnscan", Path(folder) / "kernels"
         simulate("cup", scan, SimulateOptions(lasers=1, steps=STEPS))
@@ -86,22 +89,31 @@ def _first_surface(runs: int) -> None:
         demo = spent([*program, "demo", "-o", into], 1, NUMBA_CACHE_DIR=place)
         warm = spent(words, runs, NUMBA_CACHE_DIR=place)
     print(f"turnscan precompile, as make setup does: {before}; again: {again}")
-    print(
-        f"first reconstruct after that: {first}, {first.clock - warm.clock:.1f} s beyond others "
-        f"(wanted: {FIRST_LIMIT:.0f} s)"
-    )
-    print(f"first demo after that: {demo} (wanted on two cores: {DEMO_LIMIT:.0f} s)")
-    print(f"first reconstruct of {STEPS} steps, kernels to be compiled: {cold}")
-    print(f"first reconstruct of {STEPS} steps, kernels compiled: {warm}")
+    lines = ["| | s of processor | s on the clock | wanted |", "|---|---|---|---|"]
+    for what, took, wanted in (
+        ("`turnscan precompile`, which `make setup` ends with", before, ""),
+        ("`turnscan demo` after that", demo, f"{DEMO_LIMIT:.0f} s"),
+        (f"`reconstruct` of {STEPS} steps of the demo's cup, warm", warm, ""),
+        ("the first one after `precompile`", first, _beyond(warm)),
+        ("the first one without it", cold, _beyond(warm)),
+    ):
+        lines.append(f"| {what} | {took.processor:.1f} | {took.clock:.1f} | {wanted} |")
+    print("\n".join(lines))
+    if into_pages:
+        write(PAGE, "first run", lines)
 
 
-def run(quick: bool = False, parts: Sequence[str] = ()) -> None:
+def _beyond(warm: Spent) -> str:
+    return f"{warm.clock + FIRST_LIMIT:.1f} s"
+
+
+def run(quick: bool = False, parts: Sequence[str] = (), into_pages: bool = False) -> None:
     """Print the times; ``quick`` takes fewer runs and leaves the compilation out."""
     runs = 2 if quick else RUNS
     if "commands" in (parts or PARTS):
         _commands(runs)
     if "cold" in parts or not (parts or quick):
-        _first_surface(runs)
+        _first_surface(runs, into_pages)
 
 
 def _commands(runs: int) -> None:

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
+from bench import _keep
 from bench._page import DOCS, write
 from bench.surface_truth import scanned
 from turnscan import workflows as w
@@ -46,7 +46,7 @@ def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> 
     drawn = nominal(drawing, "mm", no_progress)
     mesh = folder / f"{drawing.stem}-mm.stl"
     mesh.write_bytes(export(drawn.mesh, ".stl"))
-    wishes = [
+    specs = [
         SimulationSpec(
             str(mesh),
             rig,
@@ -58,7 +58,7 @@ def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> 
         )
         for k, (tip, lean) in enumerate(POSES)
     ]
-    scans = [scanned(wish, folder)[1] for wish in wishes]
+    scans = [scanned(spec, folder)[1] for spec in specs]
     joined = w.join(scans, reference=None if free else drawing)
     found = w.find_shapes(joined)
     moved = w.compare(joined, drawing, align="shape" if free else "none")
@@ -108,8 +108,8 @@ def run(quick: bool = False, into_pages: bool = False) -> None:
     if not PART.exists():
         print(f"{PART} is not there")
         return
-    with tempfile.TemporaryDirectory() as scratch:
-        lines = recovered(PART, "paper", 60 if quick else 200, Path(scratch), free=False)
+    with _keep.folder(None) as folder:
+        lines = recovered(PART, "paper", 60 if quick else 200, folder, free=False)
     print("\n".join(lines))
     if into_pages and not quick:
         write(PAGE, "step-part", lines)
@@ -125,9 +125,7 @@ def main() -> None:
     parser.add_argument("--free", action="store_true", help="join by shape, without the drawing")
     parser.add_argument("--write", action="store_true", help="put the table into the page")
     args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = args.keep or Path(scratch)
-        folder.mkdir(parents=True, exist_ok=True)
+    with _keep.folder(args.keep) as folder:
         lines = recovered(args.drawing, args.rig, args.steps, folder, args.free)
         print("\n".join(lines))
         if args.write:

@@ -1,10 +1,14 @@
-"""Stripe extraction on one core: frames per second, against the usual recipe and memory speed."""
+"""Stripe extraction on one core: frames per second, against the usual recipe and memory speed.
+
+``python -m bench stripes [pictures] [sparse]``; ``--write`` puts the figures of sparse files into
+docs/explain/sizing.md.
+"""
 
 from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,12 +16,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from bench._page import DOCS, write
 from bench.scale import make_rig, pictures, write_scan
 from turnscan.detection import look_through
 from turnscan.scan import Scan
 from turnscan.stripes import Signal, StripeSettings, detect, find_candidates
 
 U8 = npt.NDArray[np.uint8]
+PAGE = DOCS / "explain" / "sizing.md"
+PARTS = ("pictures", "sparse")
 HALF = 8
 THRESHOLD = 20
 SPARSE = 24
@@ -117,8 +124,8 @@ def measure(height: int, width: int) -> None:
     print(f"    all candidates: {1 / many:.0f} frames/s")
 
 
-def from_runs(folder: Path) -> None:
-    """Print how fast stripes are found in a sparse file, against whole pictures in memory."""
+def from_runs(folder: Path) -> list[str]:
+    """A table of how fast stripes are found in a sparse file, against whole pictures."""
     path, settings, cpu = folder / "vase.turnscan", StripeSettings(), time.process_time
     write_scan(path, SPARSE)
     with Scan.open(path) as scan:
@@ -134,18 +141,29 @@ def from_runs(folder: Path) -> None:
         whole = seconds(unpacked, 9, cpu)
         raw = seconds(lambda: signal.detect(taken.lit, taken.dark, settings), 9, cpu)
         pixels = 2 * scan.plan.width * scan.plan.height
-    print(
-        f"from a sparse file, {scan.plan.width}×{scan.plan.height}, one core: {1 / stored:.0f} "
-        f"frames/s, {pixels / stored / 1e9:.1f} GB/s of pictures (wanted: {RATE}); "
-        f"{whole / stored:.1f} × the rate when whole pictures are unpacked (wanted: {FASTER}), "
-        f"{raw / stored:.1f} × that of pictures in memory, as taken"
-    )
+        runs = [shots[0].runs() for shots in brackets]
+    kept = np.mean([len(r.lit) + (0 if r.dark is None else len(r.dark)) for r in runs])
+    return [
+        "| | measured | wanted |",
+        "|---|---|---|",
+        f"| frames a second | {1 / stored:.0f} | |",
+        f"| pixels of both pictures | {pixels / stored / 1e9:.1f} GB/s | {RATE} GB/s |",
+        f"| of these kept in the file, {kept / pixels:.1%} | {kept / stored / 1e6:.0f} MB/s | |",
+        f"| times the rate when whole pictures are unpacked | {whole / stored:.1f} | {FASTER} |",
+        f"| times that of pictures in memory, as taken | {raw / stored:.1f} | |",
+    ]
 
 
-def run() -> None:
-    """Print the table."""
+def run(parts: Sequence[str] = (), into_pages: bool = False) -> None:
+    """Print the tables; the one of sparse files into the documentation where that is asked."""
     cv2.setNumThreads(1)
-    measure(480, 640)
-    measure(2048, 2560)
+    if "pictures" in (parts or PARTS):
+        measure(480, 640)
+        measure(2048, 2560)
+    if "sparse" not in (parts or PARTS):
+        return
     with tempfile.TemporaryDirectory() as folder:
-        from_runs(Path(folder))
+        lines = from_runs(Path(folder))
+    print("\n".join(["from a sparse file, one core:", *lines]))
+    if into_pages:
+        write(PAGE, "sparse", lines)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import _hole_truth as truth
+from bench import _keep
 from turnscan import shapes, surface
 from turnscan.arrays import Bools, Floats
 from turnscan.detection import Detection, detect_scan
@@ -120,38 +120,38 @@ class Size:
 
 
 def scanned(
-    wish: SimulationSpec, folder: Path, paint: Material | None = None
+    spec: SimulationSpec, folder: Path, paint: Material | None = None
 ) -> tuple[Bench, Path]:
     """A whole turn into a scan file, or the one that is there."""
-    made = bench(wish)
-    name = f"{wish.scene}-{wish.rig}-{wish.steps}"
-    if wish.theta is not None:
-        name += f"-{math.degrees(wish.theta):.0f}"
-    if wish.lasers == 1:
+    made = bench(spec)
+    name = f"{spec.scene}-{spec.rig}-{spec.steps}"
+    if spec.theta is not None:
+        name += f"-{math.degrees(spec.theta):.0f}"
+    if spec.lasers == 1:
         name += "-one"
-    if any(wish.lean) or wish.tip or any(wish.shift):
-        turns = (math.degrees(a) for a in (wish.tip, *wish.lean))
-        name += "-posed-" + ",".join(f"{v:.0f}" for v in (*turns, *wish.shift))
+    if any(spec.lean) or spec.tip or any(spec.shift):
+        turns = (math.degrees(a) for a in (spec.tip, *spec.lean))
+        name += "-posed-" + ",".join(f"{v:.0f}" for v in (*turns, *spec.shift))
     if paint is not None:
         first = replace(made.scene.bodies[0], material=paint)
         scene = replace(made.scene, bodies=(first, *made.scene.bodies[1:]))
         made, name = replace(made, scene=scene), name + f"-painted-{paint.pattern}-{paint.halo:g}"
-    if wish.seed:
-        name += f"-seed-{wish.seed}"
+    if spec.seed:
+        name += f"-seed-{spec.seed}"
     path = folder / f"{name}.turnscan"
     if not path.exists():
         world = World(made)
-        devices = Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+        devices = Simulated(spec, world, SimCamera(world), SimTurntable(world), SimLasers(world))
         scan_into_file(devices, plan_of(devices), path, "sparse")
     return made, path
 
 
-def reconstructed(wish: SimulationSpec, folder: Path, paint: Material | None = None) -> Run:
-    """The scan of a wish, and what its stripes are."""
-    made, path = scanned(wish, folder, paint)
+def reconstructed(spec: SimulationSpec, folder: Path, paint: Material | None = None) -> Run:
+    """The scan of a spec, and what its stripes are."""
+    made, path = scanned(spec, folder, paint)
     with Scan.open(path) as scan:
         seen = detect_scan(scan, made.rig, Settings().stripes)
-    return Run(made, wish.steps or 0, tuple(seen))
+    return Run(made, spec.steps or 0, tuple(seen))
 
 
 def places(made: Bench) -> truth.Patches:
@@ -268,11 +268,11 @@ def holes_beside(done: Reconstruction, X: Floats) -> float:
 def halo(size: Size, folder: Path) -> None:
     """The bust, whose stone glows, beside the same stone without glow in half the steps."""
     for glow, steps in ((None, size.bust), (0.0, size.bust // 2)):
-        wish = SimulationSpec("bust", size.rig, lasers=2, steps=steps)
+        spec = SimulationSpec("bust", size.rig, lasers=2, steps=steps)
         paint = None
         if glow is not None:
-            paint = replace(bench(wish).scene.bodies[0].material, halo=glow)
-        run = reconstructed(wish, folder, paint)
+            paint = replace(bench(spec).scene.bodies[0].material, halo=glow)
+        run = reconstructed(spec, folder, paint)
         flags = np.concatenate([g.flags[g.found] for g in run.both.grids])
         share = float(((flags & StripeFlag.HALO) != 0).mean())
         limit = PRECISE / NEAR * run.near
@@ -290,10 +290,10 @@ def causes(size: Size, folder: Path) -> tuple[int, int]:
     runs = []
     for scene in CAUSES:
         steps = size.bust if scene == "bust" else size.steps
-        wish = SimulationSpec(scene, size.rig, lasers=2, steps=steps)
-        runs.append((scene, reconstructed(wish, folder)))
-    wish = SimulationSpec("sphere", size.rig, lasers=2, steps=size.steps)
-    runs.append(("sphere painted", reconstructed(wish, folder, PAINTED)))
+        spec = SimulationSpec(scene, size.rig, lasers=2, steps=steps)
+        runs.append((scene, reconstructed(spec, folder)))
+    spec = SimulationSpec("sphere", size.rig, lasers=2, steps=size.steps)
+    runs.append(("sphere painted", reconstructed(spec, folder, PAINTED)))
     return _told(runs, f"{size.rig}, {size.steps} steps")
 
 
@@ -302,13 +302,13 @@ def unseen(size: Size, folder: Path) -> tuple[int, int]:
     runs = []
     for scene, tip, lean, shift in LEANING:
         a, b = lean
-        wish = SimulationSpec(
+        spec = SimulationSpec(
             scene, size.rig, lasers=2, steps=size.unseen,
             tip=math.radians(tip), lean=(math.radians(a), math.radians(b)), shift=shift,
         )  # fmt: skip
-        runs.append((f"{scene} leaning", reconstructed(wish, folder)))
-    wish = SimulationSpec("sphere", size.rig, lasers=2, steps=size.unseen, seed=2)
-    runs.append(("sphere painted, seed 2", reconstructed(wish, folder, PAINTED)))
+        runs.append((f"{scene} leaning", reconstructed(spec, folder)))
+    spec = SimulationSpec("sphere", size.rig, lasers=2, steps=size.unseen, seed=2)
+    runs.append(("sphere painted, seed 2", reconstructed(spec, folder, PAINTED)))
     return _told(runs, f"{size.rig}, {size.unseen} steps, not looked at before")
 
 
@@ -356,8 +356,7 @@ def run(quick: bool = False, keep: Path | None = None, only: str | None = None) 
     """Print all figures, or those of one part."""
     sizes = [Size("modern", 120, 400, 200, 120), Size("paper", 200, 200, 200, 200)]
     sizes = [Size("paper", 48, 100, 48, 100, 48)] if quick else sizes
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = keep or Path(scratch)
+    with _keep.folder(keep) as folder:
         for size in sizes:
             for name, part in PARTS.items():
                 if only in (None, name):

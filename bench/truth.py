@@ -1,16 +1,16 @@
 """Merged surfaces of simulated scans against the parts' own: what each way of merging keeps.
 
 ``python -m bench truth`` scans every part on both rigs, with one line and two, in coarse and in
-fine steps, merges it every way, and writes the table into docs/explain/accuracy.md between its
-marks; ``--quick`` takes the paper rig with 60 steps alone. ``python -m bench.truth --keep FOLDER``
-keeps the simulated scans there and finds them again, ``--rigs paper --steps 24 60`` takes some rigs
-and steps alone, ``--calibrated`` measures with a rig calibrated from pictures.
+fine steps, merges it every way; ``--quick`` takes the paper rig with 60 steps alone. ``--write``
+puts the rows into docs/explain/accuracy.md, each with its commit; those of what was not measured
+again stay. ``python -m bench.truth --keep FOLDER`` keeps the simulated scans there and finds them
+again, ``--parts mug``, ``--rigs paper`` and ``--steps 24 60`` take some of those alone,
+``--calibrated`` measures with a rig calibrated from pictures.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -19,6 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from bench import _hole_truth as truth
+from bench import _keep, _page
+from bench._page import MEASURED
 from bench._rigs import from_pictures
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
 from turnscan import shapes
@@ -36,12 +38,13 @@ from turnscan.surface.fusion import MergeMethod, merge
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove")
 RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
 WAYS: Sequence[MergeMethod] = ("grid", "tsdf", "paste")
-PAGE = Path(__file__).parents[1] / "docs" / "explain" / "accuracy.md"
-BEGIN, END = "<!-- bench truth -->", "<!-- end of bench truth -->"
+KNOWN = ("", ", calibrated")
+"""What a rig's name has behind it where it is exactly known, and calibrated from pictures."""
 HEAD = (
-    "part, rig", "lines", "steps", "way", "vertices", "max mm", "rms mm", "rms / σ",
-    "within 1, 2, 3 σ %", "invented", "complete %",
-)  # fmt: skip
+    "| part, rig | lines | steps | way | vertices | max mm | rms mm | rms / σ | within 1, 2, 3 σ % "
+    f"| invented | complete % | {MEASURED} |",
+    "|" + "---|" * 12,
+)
 
 
 @dataclass(frozen=True)
@@ -66,13 +69,15 @@ class Row:
     complete: float
     """Share of what could be seen that lies within what the rig can tell of the surface."""
 
-    def cells(self) -> tuple[str, ...]:
+    def line(self) -> str:
+        """For the table, but for when it was measured."""
         shares = ", ".join(f"{100 * w:.1f}" for w in self.within)
-        return (
+        cells = (
             self.name, str(self.lasers), str(self.steps), self.way, str(self.vertices),
             f"{self.worst:.2f}", f"{self.rms:.3f}", f"{self.ratio:.2f}", shares,
             str(self.invented), f"{100 * self.complete:.1f}",
         )  # fmt: skip
+        return f"| {' | '.join(cells)} |"
 
 
 def row(run: Run, name: str, lasers: int, way: str, mesh: Mesh, seen: Bools) -> Row:
@@ -98,8 +103,8 @@ def rows(
     """The table's rows, each scan simulated once."""
     believed: dict[str, Rig] = {}
     for part, rig, lasers, count in product(parts, rigs, LASERS, steps):
-        wish = SimulationSpec(part, rig, lasers=lasers, steps=count)
-        made, path = scanned(wish, folder)
+        spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
+        made, path = scanned(spec, folder)
         if calibrated and rig not in believed:
             believed[rig] = from_pictures(SimulationSpec("charuco", rig, lasers=1))
         # Pictures of the board are taken with the first line alone.
@@ -114,49 +119,32 @@ def rows(
             mesh, _ = merge(grids, how=way)
             mesh, _ = cut_touching(mesh)
             mesh, _, _ = drop_islands(mesh, None, grids)
-            name = f"{part}, {rig}" + (", calibrated" if calibrated else "")
+            name = f"{part}, {rig}{KNOWN[calibrated]}"
             yield row(run, name, lasers, way, mesh, sees)
-
-
-def table(found: Sequence[Row]) -> str:
-    """The rows as a table in Markdown."""
-    lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
-    return "\n".join([*lines, *("| " + " | ".join(r.cells()) + " |" for r in found)])
-
-
-def conditions(rigs: Sequence[str], steps: Sequence[int], calibrated: bool) -> str:
-    """What was run, for the page: all rows are of one state, and what was not run has none."""
-    known = "calibrated from pictures" if calibrated else "known exactly"
-    turns = " and ".join(
-        ", ".join(str(k) for k in some) for some in (steps[:-1], steps[-1:]) if some
-    )
-    return f"Run: {' and '.join(rigs)} rig, {known}; {turns} steps. What was not run has no row."
-
-
-def written(page: str, text: str) -> str:
-    """The page with what stands between its marks replaced. Raises ValueError without marks."""
-    if BEGIN not in page or END not in page:
-        raise ValueError(f"the page lacks {BEGIN} or {END}")
-    before, rest = page.split(BEGIN, 1)
-    return f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END, 1)[1]}"
 
 
 def run(
     quick: bool = False,
+    into_pages: bool = False,
     keep: Path | None = None,
     calibrated: bool = False,
+    parts: Sequence[str] = PARTS,
     rigs: Sequence[str] = RIGS,
     steps: Sequence[int] = STEPS,
 ) -> None:
-    """Print every row as it is measured, and write the table into the page."""
-    found = []
-    with tempfile.TemporaryDirectory() as scratch:
+    """Print every row as it is measured."""
+    lines = list[str]()
+    with _keep.folder(keep) as folder:
         rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
-        for one in rows(PARTS, rigs, steps, keep or Path(scratch), calibrated):
-            print(" | ".join(one.cells()), flush=True)
-            found.append(one)
-    text = f"{conditions(rigs, steps, calibrated)}\n\n{table(found)}"
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), text), encoding="utf-8")
+        print("\n".join(HEAD))
+        for one in rows(parts, rigs, steps, folder, calibrated):
+            lines += _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
+            print(lines[-1], flush=True)
+    if into_pages:
+        old = _page.figures(_page.ACCURACY, "truth")
+        order = [f"{part}, {rig}{more}" for rig in RIGS for part in PARTS for more in KNOWN]
+        table = _page.replaced(old, [*HEAD, *lines], 4, order)
+        _page.write(_page.ACCURACY, "truth", table)
 
 
 def main() -> None:
@@ -164,11 +152,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="the paper rig with 60 steps")
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--write", action="store_true", help="put the rows into the documents")
+    parser.add_argument("--parts", choices=PARTS, nargs="+", default=PARTS, help="these parts")
     parser.add_argument("--calibrated", action="store_true", help="from a calibrated rig")
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
     given = parser.parse_args()
-    run(given.quick, given.keep, given.calibrated, given.rigs, given.steps)
+    some = given.parts, given.rigs, given.steps
+    run(given.quick, given.write, given.keep, given.calibrated, *some)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import _page
+from bench import _keep, _page
 from bench._measures import Taken, taken_on
 from bench._rigs import from_pictures
 from bench._sized_parts import KINDS, Sized, drawn
@@ -73,7 +72,7 @@ class Task:
         return drawn(self.kind, np.random.default_rng((self.number, 1)))
 
     @property
-    def wish(self) -> SimulationSpec:
+    def spec(self) -> SimulationSpec:
         """The bench, set up for a part of 80 mm: all parts are scanned with one rig."""
         return SimulationSpec("cylinder", RIG, lasers=1, seed=self.number, steps=self.steps)
 
@@ -83,7 +82,7 @@ class Task:
         upright = rng.random() < 0.5
         turn = rotation_from_vector(np.append(rng.uniform(-LEAN, LEAN, 2) * (not upright), 0.0))
         shift = rng.uniform(-SHIFT, SHIFT, 2)
-        made, part = bench(self.wish), self.part.part
+        made, part = bench(self.spec), self.part.part
         low = float((part.mesh.vertices @ turn.T)[:, 2].min())
         first = made.scene.bodies[0]
         body = Body(part, first.material, Pose(turn, np.append(shift, -low)))
@@ -115,7 +114,7 @@ def believed(task: Task, folder: Path) -> Rig:
     """The rig that pictures calibrated; kept in the folder."""
     path = folder / f"rig-{RIG}-{task.rig}.json"
     if not path.exists():
-        path.write_text(rig_to_json(from_pictures(replace(task.wish, seed=task.rig))))
+        path.write_text(rig_to_json(from_pictures(replace(task.spec, seed=task.rig))))
     return rig_from_json(path.read_text())
 
 
@@ -125,7 +124,7 @@ def scanned(task: Task, made: Bench, folder: Path) -> Path:
     if not path.exists():
         world = World(made)
         devices = Simulated(
-            task.wish, world, SimCamera(world), SimTurntable(world), SimLasers(world)
+            task.spec, world, SimCamera(world), SimTurntable(world), SimLasers(world)
         )
         scan_into_file(devices, plan_of(devices), path, "sparse")
     return path
@@ -165,9 +164,9 @@ def _row(name: str, found: Sequence[Taken], unit: str | None = None) -> str:
 
 def run(quick: bool = False, into_pages: bool = False) -> None:
     """Print the table."""
-    with tempfile.TemporaryDirectory() as scratch:
+    with _keep.folder(None) as folder:
         todo = tasks(len(KINDS), 1) if quick else tasks()
-        _print(todo, Path(scratch), into_pages=into_pages)
+        _print(todo, folder, into_pages=into_pages)
 
 
 def _print(todo: Sequence[Task], folder: Path, way: Way = Way(), into_pages: bool = False) -> None:
@@ -211,11 +210,9 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put the table into the page")
     given = parser.parse_args()
     todo = [replace(t, steps=given.steps) for t in tasks(given.scans, given.rigs, given.first)]
-    if given.keep:
-        given.keep.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as scratch:
+    with _keep.folder(given.keep) as folder:
         way = Way(given.true_rig, given.each)
-        _print(todo, given.keep or Path(scratch), way, given.write)
+        _print(todo, folder, way, given.write)
 
 
 if __name__ == "__main__":

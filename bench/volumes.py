@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import _hole_truth as truth
-from bench import _page
+from bench import _keep, _page
 from bench.surface_truth import Size, scanned
 from turnscan import poses, shapes
 from turnscan.detection import detect_scan
@@ -141,8 +140,8 @@ class Alone:
 
 def alone(scene: str, stands: str, folder: Path) -> Alone:
     """Scan a part once, close it, and weigh its volume as ``turnscan reconstruct --close`` does."""
-    wish = SimulationSpec(scene, "paper", lasers=2, steps=STEPS, **STANDS[stands])  # type: ignore
-    made, path = scanned(wish, folder)
+    spec = SimulationSpec(scene, "paper", lasers=2, steps=STEPS, **STANDS[stands])  # type: ignore
+    made, path = scanned(spec, folder)
     s = Settings(caps=ClosingOptions())
     with Scan.open(path) as scan:
         done = build(tuple(detect_scan(scan, made.rig, s.stripes)), s)
@@ -196,8 +195,8 @@ def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
     plan, s = PLANS[scene], Settings(caps=ClosingOptions(floor=None, top=None))
     benches, grids = list[Bench](), list[list[RangeGrid]]()
     for how in plan.stands:
-        wish = SimulationSpec(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
-        made, path = scanned(wish, folder)
+        spec = SimulationSpec(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
+        made, path = scanned(spec, folder)
         with Scan.open(path) as scan:
             grids.append(to_grids(detect_scan(scan, made.rig, s.stripes), s)[0])
         benches.append(made)
@@ -208,7 +207,7 @@ def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
     found = poses.align(views, starts)
     poses.check(found, by_shape=not plan.picks)
     pairs = zip(names, grids, found.poses, strict=True)
-    _, closed, _ = to_mesh([placed(g, p, f"{n} {g.laser}") for n, gs, p in pairs for g in gs], s)
+    _, closed, _, _ = to_mesh([placed(g, p, f"{n} {g.laser}") for n, gs, p in pairs for g in gs], s)
     return Joined(benches[0], found, [r for rs in parts for r in rs], closed)
 
 
@@ -286,8 +285,7 @@ def run(
     into_pages: bool = False,
 ) -> None:
     """Print all figures."""
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = keep or Path(scratch)
+    with _keep.folder(keep) as folder:
         if only != "joined":
             stands = list(STANDS)[:1] if quick else list(STANDS)
             singles(stands, folder, scenes or ALONE, into_pages)

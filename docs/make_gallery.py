@@ -132,7 +132,7 @@ def scan(of: Exhibit, keep: Path) -> tuple[Reconstruction, Floats, Image]:
     found = deviation(done.mesh.vertices, truth(devices)).distance
     made = devices.world.bench
     lit = tuple(b.name for b in made.beams)
-    return done, found, Renderer(made).picture(0.42, lit, seconds_of(devices.wish))
+    return done, found, Renderer(made).picture(0.42, lit, seconds_of(devices.spec))
 
 
 def draw(of: Exhibit, keep: Path) -> Figures:

@@ -208,14 +208,14 @@ def off_centre() -> None:
 
 
 def demo() -> None:
-    """What `turnscan demo` draws: its stripe, its deviation, and a strip of four for the README."""
+    """What `turnscan demo` draws: stripe, quality, deviation; a strip of four for the README."""
     with tempfile.TemporaryDirectory() as folder:
         turnscan(["demo", "-o", folder], standalone_mode=False)
         made = {
             name: Pillow.open(Path(folder) / f"{name}.png").convert("RGB")
-            for name in ("stripe", "grid", "mesh", "deviation")
+            for name in ("stripe", "grid", "mesh", "quality", "deviation")
         }
-    for name in ("stripe", "deviation"):
+    for name in ("stripe", "quality", "deviation"):
         target = HERE / f"demo-{'frame' if name == 'stripe' else name}.png"
         small(made[name], 1000).save(target, optimize=True)
     rows = [(made["stripe"], made["mesh"]), (made["grid"], made["deviation"])]
@@ -318,7 +318,7 @@ def _bar_scan(path: Path, seed: int, moved: float) -> Rig:
     by = moved * sheet.normal
     rig = replace(made.rig, sheets=(replace(sheet, centre=sheet.centre + by),))
     world = World(replace(made, rig=rig, beams=(replace(beam, apex=beam.apex + by),)))
-    seen = Simulated(d.wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+    seen = Simulated(d.spec, world, SimCamera(world), SimTurntable(world), SimLasers(world))
     scan_into_file(seen, plan_of(seen), path, "sparse")
     return made.rig
 

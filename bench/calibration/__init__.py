@@ -2,7 +2,8 @@
 
 ``python -m bench calibration [PART …] [--quick] [--write]``. The parts: ``boards`` (rigs calibrated
 from rendered pictures, then a ball bar), ``zscores`` (errors over the uncertainties stated, 100
-rigs), ``targetless`` (from a ruler to a rig by two lasers), ``table`` (a table that is eccentric
+rigs), ``targetless`` (from a ruler to a rig by two lasers), ``poses`` (by one laser
+and a part in two poses), ``table`` (a table that is eccentric
 and has play), ``verify`` (drift, and 200 calibrations), ``refused`` (set-ups and inputs that must
 be refused), ``real`` (pictures of real scanners, where they are) and ``time``. ``--quick`` takes
 fewer seeds, and the paper rig alone;
@@ -18,7 +19,7 @@ from bench._page import DOCS, write
 from bench.calibration._figures import HEAD, Figure, table
 
 PARTS = (
-    "boards", "zscores", "targetless", "table", "verify", "refused", "real", "time",
+    "boards", "zscores", "targetless", "poses", "table", "verify", "refused", "real", "time",
 )  # fmt: skip
 PAGE = DOCS / "explain" / "calibration.md"
 

@@ -44,14 +44,14 @@ def figures(quick: bool) -> Iterator[Figure]:
 
 
 def _rig(name: str) -> Iterator[Figure]:
-    wish = SimulationSpec("ball-bar", name, lasers=1, seed=1)
-    made = bench(wish)
-    true, rig = made.rig, from_pictures(wish, VIEWS)
+    spec = SimulationSpec("ball-bar", name, lasers=1, seed=1)
+    made = bench(spec)
+    true, rig = made.rig, from_pictures(spec, VIEWS)
     pixel = float(np.linalg.norm(true.T_camera_table.translation)) / true.camera.fx
     share = PIXEL_SHARE * pixel
     limits = MODERN if name == "modern" else (share, math.degrees(share / 50.0), share, share)
     yield from _axis(name, true, rig, limits)
-    grid = scan(made, seconds_of(wish), STEPS, rig).grid
+    grid = scan(made, seconds_of(spec), STEPS, rig).grid
     seen = survey_of_grids([grid], rig)
     bar = Artefact(
         "ball-bar", "bar", (Length(30.0, _EXACT), Length(30.0, _EXACT)), Length(100.0, _EXACT)

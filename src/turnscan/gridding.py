@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from turnscan import edit, points
 from turnscan.detection import Detection
 from turnscan.edit import Entry
@@ -42,6 +44,7 @@ def to_grids(
         v = sight.view
         mine = progress.subrange(k / len(seen), (k + 1) / len(seen))
         repaired, nothing = edit.repair_stripes(sight.stripes, edits, v, mine.subrange(0, 0.5))
+        off = sight.stripes.angles[~np.isin(sight.stripes.steps, repaired.steps)]
         whole = points.build_grid(
             v.rig, v.laser, repaired.stripes, repaired.steps, repaired.angles, repaired.angle_sigma
         )
@@ -66,7 +69,7 @@ def to_grids(
             kept = kept.among(lines, turn.amplitude, turn.flags)
             light, places = turn.amplitude, turn.points
             sought.append(
-                ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places)
+                ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places, off)
             )
             if s.between is not None:
                 kept = points.respace(kept, s.between)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from turnscan import edit, surface
+from turnscan.arrays import Floats
 from turnscan.edit import Entry
 from turnscan.findings import Finding
 from turnscan.memory import give_back
@@ -24,6 +25,8 @@ class Meshed(NamedTuple):
     opened: Mesh
     mesh: Mesh
     findings: list[Finding]
+    cut: Floats
+    """(k, 3) mm: vertices of the opened mesh that lost faces by hand."""
 
 
 def to_mesh(
@@ -50,7 +53,7 @@ def to_mesh(
     mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:
         touching += clean.long_islands(loose, s.island, grids, s.tears)
-    opened, repairing = edit.repair_mesh(mesh, edits, lambda: source_of(grids, rig))
+    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if finish:
         mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
@@ -61,7 +64,7 @@ def to_mesh(
     closed = finish and s.caps is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
     said = findings + touching + repairing + closing + remarks
-    return Meshed(opened, whole if finish else opened, said)
+    return Meshed(opened, whole if finish else opened, said, cut)
 
 
 def finished(

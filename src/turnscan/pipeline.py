@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from turnscan.arrays import Floats
 from turnscan.detection import Detection, detect_scan
 from turnscan.edit import Entry
 from turnscan.findings import Finding
@@ -46,6 +47,8 @@ class Reconstruction:
     """Which points of the profiles were asked for; None for all."""
     tears: TearLimits | None = None
     """Where profiles do not hang together; None is the default."""
+    cut: Floats | None = None
+    """(k, 3) mm: vertices of the mesh before closing that lost faces by hand; None for none."""
 
     @cached_property
     def spaced(self) -> tuple[RangeGrid, ...]:
@@ -56,7 +59,7 @@ class Reconstruction:
     def holes(self) -> list[Hole]:
         """The gaps of the surface as it was measured and edited, each with its cause."""
         mesh = self.mesh if self.opened is None else self.opened
-        return holes.explain(mesh, holes.holes(mesh), self.sought)
+        return holes.explain(mesh, holes.holes(mesh), self.sought, self.cut)
 
 
 def reconstruct(
@@ -95,5 +98,5 @@ def build(
     return Reconstruction(
         tuple(gridded.grids), made.mesh, (*gridded.findings, *made.findings), tuple(edits),
         opened=made.opened, sought=tuple(gridded.sought), caps=s.caps if finish else None,
-        along=s.along, tears=s.tears,
+        along=s.along, tears=s.tears, cut=made.cut,
     )  # fmt: skip

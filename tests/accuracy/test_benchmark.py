@@ -27,8 +27,8 @@ from turnscan.simulate import Bench, SimulationSpec, bench, seconds_of
 
 @cache
 def benched(case: Case) -> tuple[Bench, float]:
-    wish = case.wish(1)
-    return bench(wish), seconds_of(wish)
+    spec = case.spec(1)
+    return bench(spec), seconds_of(spec)
 
 
 @cache
@@ -92,9 +92,9 @@ def test_claimed_sigma_is_honest_where_speckle_is_coarse(case: Case) -> None:
 
 
 def test_a_perfect_rig_reconstructs_a_sphere_within_3_micrometres() -> None:
-    wish = SimulationSpec("sphere", "modern", lasers=1, perfect=True)
-    made = bench(wish)
-    grid = scan(made, seconds_of(wish), 3).grid
+    spec = SimulationSpec("sphere", "modern", lasers=1, perfect=True)
+    made = bench(spec)
+    grid = scan(made, seconds_of(spec), 3).grid
     at = grid.points[grid.found]
     body = made.scene.bodies[0]
     at = body.T_table_part.inverse().apply(at)

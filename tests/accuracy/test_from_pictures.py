@@ -148,10 +148,10 @@ def test_a_scan_with_a_rig_calibrated_from_rendered_pictures() -> None:
     The thickness of the light takes 0.8 · 3/2 σ²/R off the radius, which no uncertainty holds
     (docs/explain/accuracy.md); σ is 0.61 mm.
     """
-    wish = SimulationSpec("sphere", "paper", lasers=1, seed=3)
-    made = bench(wish)
-    rig = from_pictures(wish, (6, 6, 8))
-    real = scan(made, seconds_of(wish), 8, rig)
+    spec = SimulationSpec("sphere", "paper", lasers=1, seed=3)
+    made = bench(spec)
+    rig = from_pictures(spec, (6, 6, 8))
+    real = scan(made, seconds_of(spec), 8, rig)
     ball = ((np.array([0.0, 0.0, SPHERE]), SPHERE),)
     sizes = Sizes(real.grid, rig, ball)
     optics = -0.8 * 1.5 * 0.61**2 / SPHERE

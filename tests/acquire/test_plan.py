@@ -1,4 +1,4 @@
-"""The plan: exact angles, every wish, strictly read back."""
+"""The plan: exact angles, every option, strictly read back."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_each_step_is_dark_then_each_laser_alone(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frame.lit[bright], truth[bright])
 
 
-def test_every_wish_of_a_plan_is_in_the_file(tmp_path: Path) -> None:
+def test_every_option_of_a_plan_is_in_the_file(tmp_path: Path) -> None:
     rig = Rig(names=("left", "right", "lamp"))
     plan = plan_of(
         3, start_deg=Fraction(30), step_deg=Fraction(-15), passes=2, together=True, dark_every=2,

@@ -18,13 +18,15 @@ def test_demo_from_end_to_end(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     names = {p.name for p in out.iterdir()}
     files = {f"cup.{s}" for s in ("turnscan", "dxf", "stl", "ply")}
-    pictures = {f"{s}.png" for s in ("frame", "stripe", "grid", "mesh", "deviation")}
+    pictures = {f"{s}.png" for s in ("frame", "stripe", "grid", "mesh", "quality", "deviation")}
     assert names == files | pictures | {"rig.json", "report.html"}
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 6
     assert 'src="http' not in page
     assert "deviation from the true shape, measured with the true rig" in result.output
     assert "no error of a calibration" in page
+    assert "quality map: the 20% of the points" in page
+    assert "quality map: the 20% of the points" in result.output
     # What the run says about itself must be near the truth: the stripe noise is about 0.09 mm.
     rms = float(result.output.split("rms ")[1].split(" mm")[0])
     assert 0.04 < rms < 0.2

@@ -225,8 +225,8 @@ def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(repaired: Path
 def test_faces_are_chosen_and_edits_made_without_a_browser(
     repaired: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    def deleted(*wish: str) -> int:
-        lines = run("edits", repaired, *wish).splitlines()
+    def deleted(*asked: str) -> int:
+        lines = run("edits", repaired, *asked).splitlines()
         words = list(takewhile(lambda line: not line.startswith("branch"), lines))[-1]
         run("edits", repaired, "--undo")
         return int(words.split("delete ")[1].split(" faces")[0])

@@ -112,9 +112,9 @@ def test_a_mesh_is_thinned_out_to_a_count_or_a_tolerance(ply: Path) -> None:
     assert len(read_mesh(near.read_bytes(), ".stl").faces) == len(PART.faces)
 
 
-@pytest.mark.parametrize("wish", ["3", "-1", "0mm", "nanmm", "inf", "little"])
-def test_a_decimation_that_cannot_be_is_refused_before_work(ply: Path, wish: str) -> None:
-    done = call(ply, "-o", ply.with_name("out.stl"), "--decimate", wish)
+@pytest.mark.parametrize("asked", ["3", "-1", "0mm", "nanmm", "inf", "little"])
+def test_a_decimation_that_cannot_be_is_refused_before_work(ply: Path, asked: str) -> None:
+    done = call(ply, "-o", ply.with_name("out.stl"), "--decimate", asked)
     assert done.exit_code == 2
     assert "--decimate" in done.stderr
     assert not ply.with_name("out.stl").exists()

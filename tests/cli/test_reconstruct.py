@@ -123,10 +123,10 @@ def test_a_refinement_that_the_steps_do_not_allow_is_declined(scan_path, tmp_pat
     assert np.array_equal(plain, auto)
 
 
-@pytest.mark.parametrize("wish", ["5", "0deg", "-1mm", "nanmm", "5rad"])
-def test_a_spacing_that_is_none_is_refused(scan_path, tmp_path, wish):
+@pytest.mark.parametrize("asked", ["5", "0deg", "-1mm", "nanmm", "5rad"])
+def test_a_spacing_that_is_none_is_refused(scan_path, tmp_path, asked):
     out = tmp_path / "can.ply"
-    result = run("reconstruct", scan_path, "-o", out, "--spacing-between", wish, fails=2)
+    result = run("reconstruct", scan_path, "-o", out, "--spacing-between", asked, fails=2)
     assert "--spacing-between" in str(result.exception) + result.output
     assert not out.exists()
 
@@ -147,7 +147,10 @@ def test_a_cylinder_is_measured(scan_path, tmp_path):
 def test_html_report(scan_path, tmp_path):
     run("reconstruct", scan_path, "-o", tmp_path / "a.stl", "--report", tmp_path / "r.html")
     html = (tmp_path / "r.html").read_text()
-    assert html.count("data:image/png;base64,") == 4
+    assert html.count("data:image/png;base64,") == 5
+    assert (
+        "Standard uncertainty of the points as measured, mm, and the holes by their causes" in html
+    )
     assert "http://" not in html
     assert "https://" not in html
 
@@ -177,7 +180,7 @@ def test_the_report_tells_the_holes_the_coverage_and_what_was_filled(scan_path, 
     assert "holes: 2 (2 outside the picture or the working volume)" in result.stdout
     run("reconstruct", scan_path, *words, "--close", "--report", tmp_path / "r.html")
     html = (tmp_path / "r.html").read_text()
-    assert html.count("data:image/png;base64,") == 6
+    assert html.count("data:image/png;base64,") == 7
     assert html.count("outside the picture or the working volume</td>") == 2
     assert "after, from 34°; pink: not measured" in html
 
@@ -191,7 +194,7 @@ def test_an_empty_result_writes_nothing_and_exits_1(scan_path, tmp_path):
     assert "points.none" in result.stderr
 
 
-def test_bad_wishes_are_one_named_error(scan_path, tmp_path):
+def test_bad_options_are_one_named_error(scan_path, tmp_path):
     def refused(kind, says, *words):
         result = run("reconstruct", *words, fails=2)
         assert isinstance(result.exception, kind), result.exception

@@ -97,9 +97,9 @@ def test_all_doors_make_the_same_surface(
 
     browser = doors.browser
     if browser.now.options != options:
-        wish = {"kind": "settings", "options": changes}
+        asked = {"kind": "settings", "options": changes}
         doors.job.over = False
-        browser.make(browser.now.revision, wish, {}, doors.job)
+        browser.make(browser.now.revision, asked, {}, doors.job)
     assert browser.now.options == options
     shown = browser.result(browser.now, no_progress)
     formats, _ = shown.content(ExportOptions())

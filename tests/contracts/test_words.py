@@ -41,7 +41,7 @@ BANNED = {
     r"on end": "consecutive, in a row",
     r"taken away": "removed",
     r"sought|fallen": "searched, missing",
-    r"wishes|wished": "requests, options",
+    r"wish|wishes|wished": "requests, options",
     r"ha(s|ve) (a|no) say": "is fitted, counts",
     r"none of them sure|less sure": "not reliable, with a larger sigma",
     r"byte for byte the one": "identical to the one",

@@ -39,8 +39,10 @@ def plan(steps: int) -> Any:
     return rigs.plan_of(steps, lasers=("left",), dark_every=4, blind_steps=0)
 
 
-def scan(path: Path, steps: int, said: int = -1, mutant: bool = False) -> dict[str, Any]:
-    """Scan or resume; a byte to ``said`` at each commit."""
+def scan(
+    path: Path, steps: int, said: int = -1, mutant: bool = False, rest: float = 0.0
+) -> dict[str, Any]:
+    """Scan or resume, resting for ``rest`` s at each step; a byte to ``said`` at each commit."""
     rig = rigs.Rig()
     disk = _disk()
     insert = database.insert
@@ -49,6 +51,12 @@ def scan(path: Path, steps: int, said: int = -1, mutant: bool = False) -> dict[s
         with contextlib.suppress(BlockingIOError):
             os.write(said, b".")
         return insert(*args)
+
+    def heard(event: object) -> None:
+        if isinstance(event, Stored):
+            time.sleep(rest)
+            if disk:
+                disk.disk_mark(event.step)
 
     if said >= 0:
         database.insert = told
@@ -63,9 +71,14 @@ def scan(path: Path, steps: int, said: int = -1, mutant: bool = False) -> dict[s
                 opened._db.execute("PRAGMA synchronous = OFF")
             out["halted"] = False
             try:
-                run(plan(steps), rig.hardware, opened, first=first, clock=lambda: 5.0,
-                    listener=lambda e: disk.disk_mark(e.step)
-                    if disk and isinstance(e, Stored) else None)  # fmt: skip
+                run(
+                    plan(steps),
+                    rig.hardware,
+                    opened,
+                    first=first,
+                    clock=lambda: 5.0,
+                    listener=heard,
+                )
                 out["halted"] = True
             finally:
                 out["halted"] |= rig.said[-2:] == ["off", "stop"]
@@ -159,9 +172,9 @@ def _killed(ask: dict[str, Any], work: Callable[[int], Any]) -> dict[str, Any]:
 
 
 def whole(ask: dict[str, Any]) -> dict[str, Any]:
-    """Scan, or resume, to the end."""
+    """Scan, or resume, to the end, with a rest at each step where one is asked for."""
     began = time.perf_counter()
-    done = answer(*fork(lambda: scan(Path(ask["path"]), ask["steps"])))
+    done = answer(*fork(lambda: scan(Path(ask["path"]), ask["steps"], rest=ask.get("rest", 0.0))))
     return {**done, "seconds": time.perf_counter() - began}
 
 
