@@ -15,11 +15,13 @@ import pytest
 from tests.metronome import Metronome
 from tests.web.running import PATIENCE, Browser, Running, serving
 from turnscan.app import Library, Workshop, _hub, _rig_session, _socket
+from turnscan.app._requests import Look
 from turnscan.arrays import Image
 from turnscan.devices import Sweeping
 from turnscan.errors import DeviceDisconnected, DeviceRefused, LaserStateUnknown
 from turnscan.scan import Scan
 from turnscan.simulate import World
+from turnscan.workflows import Opened
 from turnscan.workflows._watched import WatchedLasers, watched
 
 DEVICE = "sim:sphere?seed=3"
@@ -294,6 +296,58 @@ def test_unknown_is_not_dark() -> None:
     assert [s.lit for s in lasers.states] == [None, None]
     time.sleep(0.05)
     assert lasers.states[0].age >= 0.05
+
+
+def test_what_is_told_last_of_devices_is_how_they_are(
+    server: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workshop, held, go = server.workshop, threading.Event(), threading.Event()
+    rigs = workshop.library.rigs
+
+    def slow() -> dict[str, Path]:
+        found = rigs()
+        if threading.current_thread().name == "late":
+            held.set()
+            assert go.wait(PATIENCE)
+        return found
+
+    with Browser(server) as browser:
+        _connected(browser)
+        monkeypatch.setattr(workshop.library, "rigs", slow)
+        late = threading.Thread(target=workshop.rig.tell, name="late")
+        late.start()
+        assert held.wait(PATIENCE)
+        assert browser.ask("disconnect")["kind"] == "done"
+        go.set()
+        late.join(PATIENCE)
+        browser.ask("list_files")  # answered after all that was told before
+        assert [m["addresses"] for m in browser.heard if m["kind"] == "devices"][-1] == []
+
+
+def test_live_pictures_that_are_ended_while_they_begin_do_not_begin(
+    server: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, held, go = server.workshop.rig, threading.Event(), threading.Event()
+    there = rig._there
+
+    def slow() -> Opened:
+        held.set()
+        assert go.wait(PATIENCE)
+        return there()
+
+    with Browser(server) as browser:
+        _connected(browser)
+        monkeypatch.setattr(rig, "_there", slow)
+        on = threading.Thread(target=rig.look, args=(Look(id=1, on=True, lit=("right",)),))
+        off = threading.Thread(target=rig.look_off)
+        on.start()
+        assert held.wait(PATIENCE)
+        off.start()
+        off.join(0.3)  # in its turn, not before
+        go.set()
+        for thread in (on, off):
+            thread.join(PATIENCE)
+        assert not rig._looking.is_set()
 
 
 def test_a_slow_browser_is_told_the_latest_only() -> None:

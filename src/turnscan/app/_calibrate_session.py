@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
 from turnscan.app._encode_picture import jpeg
+from turnscan.app._envelope import Array
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result, in_words, remarks
 from turnscan.app._library import Library
@@ -20,6 +22,7 @@ from turnscan.errors import CalibrationError, InputError
 from turnscan.workflows import (
     CELL_COLUMNS,
     CELL_ROWS,
+    CalibrationState,
     CaptureOptions,
     LiveCalibration,
     LiveRig,
@@ -49,6 +52,8 @@ class CalibrateRoom:
         self._pictures: dict[int, bytes] = {}
         """JPEG, by the number of the view."""
         self._shown = 0
+        self._telling = threading.Lock()
+        """What was said last is how far it is."""
 
     def begin(self, request: q.BeginCalibration) -> None:
         """Start again, with these boards. Raises FormatError for a board that is none, InputError
@@ -188,44 +193,48 @@ class CalibrateRoom:
 
     def tell(self) -> None:
         """Tell everybody how far it is."""
-        if self._live is None:
-            return
-        state = self._live.state()
-        advice = state.advice
-        self._hub.tell(
-            p.Calibration(
-                board=state.board,
-                views=[
-                    p.CalibrationView(
-                        view=v.number,
-                        stage=v.stage,
-                        laser=v.laser,
-                        name=v.name,
-                        failure=v.failure,
-                        corners=v.corners,
-                        rms_px=v.rms_px,
-                    )
-                    for v in state.views
-                ],
-                coverage=state.coverage,
-                columns=CELL_COLUMNS,
-                rows=CELL_ROWS,
-                cells=list(state.cells),
-                width=state.size[0],
-                height=state.size[1],
-                missing=list(state.missing),
-                undetermined=[] if advice is None else list(advice.undetermined),
-                advice_stage="" if advice is None else advice.stage,
-                advice="" if advice is None else advice.text,
-                verdict=self._verdict,
-            ),
-            {"marked": state.marked.astype(np.float32)},
-        )
+        with self._telling:
+            live = self._live
+            if live is not None:
+                self._hub.tell(*_told(live.state(), self._verdict))
 
     def _begun(self) -> LiveCalibration:
         if self._live is None:
             raise InputError("no calibration has been started", hint="give the calibration board")
         return self._live
+
+
+def _told(
+    state: CalibrationState, verdict: p.CalibrationVerdict | None
+) -> tuple[p.Calibration, dict[str, Array]]:
+    advice = state.advice
+    message = p.Calibration(
+        board=state.board,
+        views=[
+            p.CalibrationView(
+                view=v.number,
+                stage=v.stage,
+                laser=v.laser,
+                name=v.name,
+                failure=v.failure,
+                corners=v.corners,
+                rms_px=v.rms_px,
+            )
+            for v in state.views
+        ],
+        coverage=state.coverage,
+        columns=CELL_COLUMNS,
+        rows=CELL_ROWS,
+        cells=list(state.cells),
+        width=state.size[0],
+        height=state.size[1],
+        missing=list(state.missing),
+        undetermined=[] if advice is None else list(advice.undetermined),
+        advice_stage="" if advice is None else advice.stage,
+        advice="" if advice is None else advice.text,
+        verdict=verdict,
+    )
+    return message, {"marked": state.marked.astype(np.float32)}
 
 
 def verifications(number: int, path: Path) -> p.Verifications:

@@ -174,5 +174,5 @@ class Hub:
     def tell_control(self) -> None:
         """Tell everybody who the operator is."""
         with self._lock:
-            message = Control(operator=self._operator, clients=len(self._clients))
-        self.tell(message)
+            # Under the lock: the last that is said of it is how it is.
+            self.tell(Control(operator=self._operator, clients=len(self._clients)))

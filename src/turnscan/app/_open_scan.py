@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -47,6 +48,8 @@ class OpenScan:
     def __init__(self, name: str, path: Path, hub: Hub, job: Job, pictures: StepPictures) -> None:
         """Reconstruct, and replay the edits in the file. Raises as `ScanSession`."""
         self.name, self.path, self._hub, self._pictures = name, path, hub, pictures
+        self._telling = threading.Lock()
+        """The history that was told last is as it is."""
         self.session = ScanSession(path, job.progress, self._tell)
         self._draw(self.now)
 
@@ -389,24 +392,26 @@ class OpenScan:
             self._tell_settings(state)
         for k, steps in change.grids():
             self._hub.tell(p.GridChanged(scan=self.name, grid=k, steps=steps))
-        self._tell_history(state)
+        self._tell_history()
         self._draw(state)
 
-    def _tell_history(self, state: SessionState) -> None:
-        self._hub.tell(
-            p.History(
-                scan=self.name,
-                history=self._entries(state),
-                cursor=state.document.history.cursor,
-                branches=self._branches(state),
-                scanned_picture=self._picture(self.session.picture_as_scanned()),
+    def _tell_history(self) -> None:
+        with self._telling:
+            state = self.now
+            self._hub.tell(
+                p.History(
+                    scan=self.name,
+                    history=self._entries(state),
+                    cursor=state.document.history.cursor,
+                    branches=self._branches(state),
+                    scanned_picture=self._picture(self.session.picture_as_scanned()),
+                )
             )
-        )
 
     def _draw(self, state: SessionState) -> None:
         """Draw the pictures that the history lacks, meanwhile; then everybody gets it with them."""
         wanted = self.session.step_pictures(state)
-        self._pictures.draw(wanted, lambda: self._tell_history(self.now))
+        self._pictures.draw(wanted, self._tell_history)
 
     def _picture(self, key: str) -> str:
         return key if self._pictures.has(key) else ""

@@ -57,6 +57,8 @@ class RigRoom:
         """That of a file or of a calibration; None takes that of a simulated rig."""
         self._rig_name = ""
         self._using = threading.Lock()
+        self._telling = threading.Lock()
+        """What was said last is how things are: nobody is told what has changed since."""
         self._stops = 0
         """How often `stop` was called: what waited for the devices meanwhile is not begun."""
         self._job: Job | None = None
@@ -65,6 +67,8 @@ class RigRoom:
         self._stack = ExitStack()
         self._camera = self._table = _NOTHING
         self._angle: float | None = None
+        self._changing_look = threading.Lock()
+        """Of two requests about live pictures, the later one counts."""
         self._looking = threading.Event()
         self._looker: threading.Thread | None = None
         self._what = ""
@@ -170,46 +174,52 @@ class RigRoom:
 
     def tell(self, to: Client | None = None) -> None:
         """Tell everybody, or one, how the devices are."""
+        rigs = list(self._library.rigs())  # before the lock: it looks at a folder
+        with self._telling:
+            self._hub.tell(self._state(rigs), to=to)
+
+    def _state(self, rigs: list[str]) -> p.Devices:
         devices = self._devices
         at = None if devices is None else devices.opened.at
         lasers = [] if devices is None else devices.lasers.states
-        self._hub.tell(
-            p.Devices(
-                addresses=[] if at is None else [at.camera, at.turntable, at.lasers],
-                camera=self._camera,
-                table=self._table,
-                angle_deg=self._angle,
-                lasers=[
-                    p.LaserState(name=x.name, lit=x.lit, age_seconds=round(x.age, 2))
-                    for x in lasers
-                ],
-                looking=self._looking.is_set(),
-                rig=self.rig is not None
-                or (devices is not None and devices.opened.rig is not None),
-                rig_name=self._rig_name,
-                rigs=list(self._library.rigs()),
-            ),
-            to=to,
+        return p.Devices(
+            addresses=[] if at is None else [at.camera, at.turntable, at.lasers],
+            camera=self._camera,
+            table=self._table,
+            angle_deg=self._angle,
+            lasers=[
+                p.LaserState(name=x.name, lit=x.lit, age_seconds=round(x.age, 2)) for x in lasers
+            ],
+            looking=self._looking.is_set(),
+            rig=self.rig is not None or (devices is not None and devices.opened.rig is not None),
+            rig_name=self._rig_name,
+            rigs=rigs,
         )
 
     # Looking
 
     def look(self, request: q.Look) -> None:
         """Begin live pictures, or change how they are taken. Raises InputError."""
-        self.look_off()
-        bench = self._there()
-        unknown = set(request.lit) - set(bench.hardware.lasers.names)
-        if unknown:
-            there = ", ".join(bench.hardware.lasers.names)
-            raise InputError(f"no laser {min(unknown)!r}", hint=f"there is {there}")
-        self._looking.set()
-        self._looker = threading.Thread(
-            target=self._look, args=(request,), name="look", daemon=True
-        )
-        self._looker.start()
+        with self._changing_look:
+            self._end_look()
+            bench = self._there()
+            unknown = set(request.lit) - set(bench.hardware.lasers.names)
+            if unknown:
+                there = ", ".join(bench.hardware.lasers.names)
+                raise InputError(f"no laser {min(unknown)!r}", hint=f"there is {there}")
+            self._looking.set()
+            self._looker = threading.Thread(
+                target=self._look, args=(request,), name="look", daemon=True
+            )
+            self._looker.start()
 
     def look_off(self) -> None:
         """End live pictures; the lasers are dark when this returns."""
+        self._looking.clear()  # at once, whoever is changing them
+        with self._changing_look:
+            self._end_look()
+
+    def _end_look(self) -> None:
         self._looking.clear()
         looker, self._looker = self._looker, None
         if looker is not None:

@@ -149,7 +149,7 @@ def _add_scan(workshop: Workshop) -> Endpoint:
     async def add(request: Request) -> Response:
         name = request.query_params.get("name", "")
         name = await workshop.library.add(name, *_content(workshop, request))
-        workshop.tell_scans()
+        await asyncio.to_thread(workshop.tell_scans)
         return _json(q.Added(scan=name), 201)
 
     return add

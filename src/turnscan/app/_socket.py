@@ -51,7 +51,7 @@ async def socket(websocket: WebSocket) -> None:
         await websocket.close(_FULL, "too many browsers are connected")
         return
     # The list of scans looks at every file of the folder: others are served meanwhile.
-    workshop.hub.tell(await asyncio.to_thread(workshop.hello, client), to=client)
+    await asyncio.to_thread(workshop.greet, client)
     workshop.hub.tell_control()
     workshop.rig.tell(to=client)
     sending = asyncio.create_task(_send(websocket, client))

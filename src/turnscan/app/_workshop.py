@@ -99,6 +99,8 @@ class Workshop:
         self._trials: dict[str, tuple[int, Job]] = {}
         """The trial of settings of each browser, and the number of the request."""
         self._lock = threading.RLock()
+        self._telling = threading.Lock()
+        """The lists that were told last are those of the folders as they are."""
         self._pool = ThreadPoolExecutor(8, "request")
         self.pictures = StepPictures(library.folder / OWN)
         self.start = StartRoom(self.jobs, library, self._release, self.tell_results)
@@ -160,8 +162,12 @@ class Workshop:
 
     # What the socket calls
 
-    def hello(self, client: Client) -> p.Hello:
-        """The first message to a client."""
+    def greet(self, client: Client) -> None:
+        """Send a client its first message."""
+        with self._telling:
+            self.hub.tell(self._hello(client), to=client)
+
+    def _hello(self, client: Client) -> p.Hello:
         operator = self.hub.operator
         return p.Hello(
             protocol=p.VERSION,
@@ -242,11 +248,13 @@ class Workshop:
 
     def tell_scans(self) -> None:
         """Tell everybody the list of scan files."""
-        self.hub.tell(p.Scans(scans=self.entries(), binned=self.start.gallery.binned()))
+        with self._telling:
+            self.hub.tell(p.Scans(scans=self.entries(), binned=self.start.gallery.binned()))
 
     def tell_files(self) -> None:
         """Tell everybody the list of files for verbs."""
-        self.hub.tell(p.Files(id=None, files=self.files.entries()))
+        with self._telling:
+            self.hub.tell(p.Files(id=None, files=self.files.entries()))
 
     def tell_results(self) -> None:
         """Tell everybody what a verb has written."""

@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._live_calibration import (
         CELL_COLUMNS,
         CELL_ROWS,
+        CalibrationState,
         LiveCalibration,
         LiveRig,
     )
@@ -263,6 +264,7 @@ _MODULES = {
     "_live_calibration": (
         "CELL_COLUMNS",
         "CELL_ROWS",
+        "CalibrationState",
         "LiveCalibration",
         "LiveRig",
     ),
@@ -335,6 +337,7 @@ __all__ = [
     "CalibrateOptions",
     "CalibratedRig",
     "CalibrationPictures",
+    "CalibrationState",
     "CaptureOptions",
     "CapturedPicture",
     "CapturedPictures",
