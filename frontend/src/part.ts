@@ -4,7 +4,7 @@ import { link, on } from "./bus";
 import type { AnyArray, Arrays } from "./envelope";
 import { Grid } from "./grid/data";
 import { getArrays, type Received, RefusedError } from "./link";
-import { type MeshArrays, MeshModel, type Part } from "./mesh/model";
+import { type MeshArrays, MeshModel, type Part, plainMesh } from "./mesh/model";
 import { Profile } from "./profile/data";
 import type {
   BranchEntry,
@@ -45,9 +45,19 @@ export const mesh = signal<MeshModel | null>(null);
 export const shape = signal(0);
 /** What the numbers in the mesh's array of lasers stand for. */
 export const lasers = signal<readonly string[]>([]);
+/** Some of the profiles of a large scan, to look at until the surface is there; nothing is edited on it. */
+export const firstSurface = signal<FirstLook | null>(null);
 export const loading = signal<string | null>(null);
 export const grids = signal<readonly (Grid | null)[]>([]);
 export const profile = signal<Profile | null>(null);
+
+export interface FirstLook {
+  model: MeshModel;
+  /** One in so many profiles is in it. */
+  every: number;
+  /** Repairs in the file, which are not in it. */
+  edits: number;
+}
 
 export interface Hole extends HoleEntry {
   /** (3m) mm, the border */
@@ -63,6 +73,8 @@ export interface Mark {
 }
 
 export const mark = signal<Mark | null>(null);
+/** The whole is there or under way: until then there is nothing to edit, measure or export. */
+export const isOpen = computed(() => opened.value !== null);
 export const scanName = computed(() => opened.value?.name ?? null);
 
 let revision = -1;
@@ -154,6 +166,7 @@ async function takeMesh(scan: string): Promise<void> {
     lasers.value = header.lasers;
     mesh.value = modelOf(arrays);
     changed(null);
+    firstSurface.value = null;
   } catch (error) {
     complain(error);
   } finally {
@@ -237,7 +250,11 @@ function inTurn(scan: string, what: string, ask: () => Promise<Received>): Promi
 
 /** One edit after another, each on the surface that the one before it left. */
 function editRequest(edit: EditValue, arrays: Record<string, AnyArray>, preview: boolean): Promise<Received> {
-  const scan = opened.value?.scan ?? "";
+  const scan = opened.value?.scan;
+  if (!scan) {
+    const text = "The scan is still being opened; nothing was edited.";
+    return Promise.reject(new RefusedError("stale", text, "Wait until the whole surface is there."));
+  }
   const numbered = Object.keys(arrays).length > 0;
   const selectedIn = epoch;
   return inTurn(scan, preview ? "preview" : "edit", async () => {
@@ -420,6 +437,11 @@ export function startPart(): void {
 }
 
 function hearServer(): void {
+  on("first_surface", (message, arrays) => {
+    const { scan, every, edits } = message;
+    if (scan !== place.value.scan || scan === opened.value?.scan) return;
+    firstSurface.value = { model: plainMesh(arrays.f32("positions"), arrays.u32("faces"), null), every, edits };
+  });
   on("opened", (message) => {
     if (message.id === null) void show(message);
   });
@@ -435,8 +457,7 @@ function hearServer(): void {
   });
   on("closed", ({ scan }) => {
     if (scan !== opened.value?.scan) return;
-    opened.value = mesh.value = null;
-    revision = epoch = -1;
+    leave();
     if (scan === place.value.scan) go("projects", null);
   });
   on("settings", changeSettings);
@@ -461,8 +482,21 @@ function hearServer(): void {
     )
       return;
     // It will not open: back to what there is. The message itself stays.
-    loading.value = null;
+    loading.value = firstSurface.value = null;
     go("projects", null);
+  });
+}
+
+/** Nothing is open: what was shown is of no use to what is opened next, nor may be edited meanwhile. */
+function leave(): void {
+  revision = epoch = -1;
+  batch(() => {
+    opened.value = figures.value = settings.value = holes.value = defects.value = null;
+    mesh.value = firstSurface.value = mark.value = profile.value = null;
+    history.value = branches.value = measures.value = grids.value = [];
+    scannedPicture.value = "";
+    cursor.value = 0;
+    listsAreOld.value = true;
   });
 }
 
@@ -471,10 +505,7 @@ function followPage(): void {
   effect(() => {
     const { scan } = place.value;
     if (connection.value !== "open") return;
-    if (scan && scan !== opened.peek()?.scan) {
-      mesh.value = null;
-      revision = epoch = -1;
-    }
+    if (scan && scan !== opened.peek()?.scan) leave();
     if (scan) void open(scan);
   });
   const gone = computed(() => {

@@ -420,6 +420,20 @@ export interface FinishCalibration {
   name: string;
 }
 
+/**
+ * Shown while a large scan is being opened: arrays positions f32 (v, 3), faces u32 (f, 3).
+ *
+ * Some of the profiles as scanned; nothing can be edited or measured on it.
+ */
+export interface FirstSurface {
+  kind: "first_surface";
+  scan: string;
+  /** One in so many profiles is in it. */
+  every: number;
+  /** Repairs in the file, which are not in it. */
+  edits: number;
+}
+
 /** Answered by ``measures``. */
 export interface ForgetMeasure {
   id: number;
@@ -1415,6 +1429,7 @@ export type ServerMessage =
   | Beat
   | Stopped
   | Scans
+  | FirstSurface
   | Opened
   | Closed
   | Patch

@@ -1,7 +1,7 @@
 /** What tests may read of the page; nothing can be changed through it. */
 
 import { link } from "./bus";
-import { cursor, history, holes, loading, type Mark, mark, mesh, profile, shownRevision } from "./part";
+import { cursor, firstSurface, history, holes, loading, type Mark, mark, mesh, profile, shownRevision } from "./part";
 import { onPage } from "./repair/panes";
 import { connection } from "./state";
 import { ownViews } from "./verbs/ownview";
@@ -24,6 +24,10 @@ export interface Readable {
   /** Selected faces that look away from the eye. */
   readonly selectedAway: number;
   readonly pictures: number;
+  /** Faces of the surface in the picture on the screen, be it only the preview of it. */
+  readonly drawnFaces: number;
+  /** Faces of the preview that is shown until the surface is there; 0 for none. */
+  readonly firstFaces: number;
   readonly fullMs: number;
   readonly gpu: string;
   readonly edits: number;
@@ -86,6 +90,12 @@ export function expose(): void {
     },
     get pictures() {
       return currentViewport()?.pictures ?? 0;
+    },
+    get drawnFaces() {
+      return currentViewport()?.drawnFaces ?? 0;
+    },
+    get firstFaces() {
+      return firstSurface.value?.model.faceCount ?? 0;
     },
     get fullMs() {
       return currentViewport()?.fullMs ?? 0;

@@ -106,6 +106,60 @@ describe("opening", () => {
   });
 });
 
+const first = (scan: string) => ({ kind: "first_surface", scan, every: 14, edits: 2 });
+const few = () => {
+  const { positions, faces } = plate(1);
+  return { positions, faces };
+};
+
+describe("a preview of a large scan", () => {
+  it("is shown until the mesh is there", async () => {
+    const page = await openPage({ hash: "#repair/cup" });
+    await page.connect();
+    const { id } = page.asked("open")[0];
+    await page.say({ kind: "started", id, job: "j" });
+    await page.say(first("box"), few());
+    expect(page.part.firstSurface.value).toBeNull();
+    await page.say(first("cup"), few());
+    expect(page.part.firstSurface.value).toMatchObject({ every: 14, edits: 2, model: { faceCount: 2 } });
+    expect(page.part.mesh.value).toBeNull();
+    expect(page.part.isOpen.value).toBe(false);
+    await page.say(opened("cup"));
+    expect(page.part.firstSurface.value).not.toBeNull();
+    await serveMesh(page, "cup");
+    expect(page.part.firstSurface.value).toBeNull();
+    expect(page.part.mesh.value?.faceCount).toBe(8);
+  });
+
+  it("that comes late, or of a scan that does not open, is not left", async () => {
+    const page = await shown();
+    await page.say(first("cup"), few());
+    expect(page.part.firstSurface.value).toBeNull();
+    await page.walk("#repair/box");
+    await page.say(first("box"), few());
+    expect(page.part.firstSurface.value).not.toBeNull();
+    const job = { kind: "job", job: "j", what: "open", scan: "box", title: "Open", text: "It is torn.", hint: "" };
+    await page.say({ ...job, state: "failed" });
+    expect(page.part.firstSurface.value).toBeNull();
+    await page.walk("#repair/box");
+    await page.say(first("box"), few());
+    await page.walk("#repair/cup");
+    expect(page.part.firstSurface.value).toBeNull();
+  });
+
+  it("is not edited, nor is the scan that was there before undone", async () => {
+    const page = await shown();
+    await page.say({ kind: "history", scan: "cup", history: [{}], branches: [], cursor: 1, scanned_picture: "" });
+    await page.walk("#repair/box");
+    await page.say(first("box"), few());
+    expect([page.part.cursor.value, page.part.history.value.length]).toEqual([0, 0]);
+    await page.part.undo();
+    expect(await page.part.doEdit({ kind: "delete" }, { faces: Uint32Array.of(1) })).toBe(false);
+    expect([...page.asked("undo"), ...page.asked("edit")]).toEqual([]);
+    expect(page.state.notices.value).toMatchObject([{ text: "The scan is still being opened; nothing was edited." }]);
+  });
+});
+
 describe("a patch", () => {
   it("of the next revision changes the mesh in place and says what changed", async () => {
     const page = await shown();

@@ -1,7 +1,7 @@
 /** Export: the repaired surface as a file for CAD or print. */
 import { signal } from "@preact/signals";
 import { http } from "../link";
-import { figures, opened } from "../part";
+import { figures, isOpen, opened } from "../part";
 import type { ExportRequest, StartedExport } from "../protocol";
 import { complain, jobs, place } from "../state";
 import { Button, Check, count, mm, Section, SelectField } from "../ui/controls";
@@ -203,7 +203,7 @@ function Export() {
           <SurfaceView />
         </div>
       </section>
-      <aside class="inspector" aria-label="Export">
+      <aside class="inspector" aria-label="Export" inert={!isOpen.value}>
         <Section title="Format">
           <Formats />
         </Section>

@@ -8,7 +8,7 @@ import { DimensionsPanel, keepCurrent, written } from "../inspect/dimensions";
 import { ReportPanel } from "../inspect/report";
 import { SectionsPanel, sectionItems } from "../inspect/sections";
 import { ShapesPanel } from "../inspect/shapes";
-import { mark, measures, opened } from "../part";
+import { isOpen, mark, measures, opened } from "../part";
 import type { TakeMeasure } from "../protocol";
 import { stepCommands } from "../repair/commands";
 import { complain, isOperator } from "../state";
@@ -151,7 +151,7 @@ function items(): Item[] {
 
 function Rail() {
   return (
-    <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical">
+    <div class="rail" inert={!isOpen.value} role="toolbar" aria-label="Tools" aria-orientation="vertical">
       {TOOLS.map(([name, label, keys]) => (
         <Button
           key={name}
@@ -234,7 +234,7 @@ function MeasureRoom() {
           <SurfaceView />
         </div>
       </section>
-      <aside class="inspector" aria-label="Inspect">
+      <aside class="inspector" aria-label="Inspect" inert={!isOpen.value}>
         <KindPanel />
         <DimensionsPanel />
         <ShapesPanel />

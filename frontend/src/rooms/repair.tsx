@@ -2,7 +2,7 @@
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
-import { cursor, figures, history, holes, mark, opened, redo, undo } from "../part";
+import { cursor, figures, history, holes, isOpen, mark, opened, redo, undo } from "../part";
 import { refusal, sides, trial } from "../repair/choices";
 import { commands, TOOL_NAMES, take } from "../repair/commands";
 import { CutPanel } from "../repair/cutting";
@@ -51,7 +51,7 @@ const IMAGE_COLOURS = ["own", "colours of the texture images"] as const;
 
 function Rail() {
   return (
-    <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical">
+    <div class="rail" inert={!isOpen.value} role="toolbar" aria-label="Tools" aria-orientation="vertical">
       {TOOLS.map((name) => [
         <Button
           key={name}
@@ -109,7 +109,7 @@ function SurfacePane() {
 
 function Inspector() {
   return (
-    <aside class="inspector" aria-label="Inspector">
+    <aside class="inspector" aria-label="Inspector" inert={!isOpen.value}>
       <div class="tabs" role="tablist" aria-label="Panels">
         {TABS.map(([id, title]) => (
           <button

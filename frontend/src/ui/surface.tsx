@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Command } from "../commands";
 import { css, mapOf, TOUCHES, UNMEASURED } from "../mesh/colours";
 import { DISTINCT } from "../palette";
-import { lasers, loading, mesh } from "../part";
+import { type FirstLook, firstSurface, lasers, loading, mesh } from "../part";
 import { jobs, place, theme } from "../state";
 import { VIEWS, type ViewName } from "../viewport/camera";
 import { colouring, currentViewport, drawable, legend, showIn } from "../viewport/place";
@@ -114,6 +114,13 @@ function Legend() {
 
 function Busy() {
   if (!loading.value) return null;
+  // How far the opening is stands in the status line.
+  if (firstSurface.value)
+    return (
+      <p class="first-look" role="status">
+        {firstWords(firstSurface.value)}
+      </p>
+    );
   const job = [...jobs.value.values()].find(
     ({ what, scan, state }) => what === "open" && scan === place.value.scan && state === "running",
   );
@@ -125,4 +132,10 @@ function Busy() {
       {job && job.seconds_left !== null && <span class="quiet num">{left(job.seconds_left)}</span>}
     </div>
   );
+}
+
+function firstWords({ every, edits }: FirstLook): string {
+  const some = every === 1 ? "Preview, as scanned" : `Preview of one profile in ${every}, as scanned`;
+  if (!edits) return `${some}; the whole surface follows.`;
+  return `${some}; the whole surface and ${edits === 1 ? "its repair" : `its ${edits} repairs`} follow.`;
 }

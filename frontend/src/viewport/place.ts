@@ -1,7 +1,7 @@
 /** The one viewport of the page: rooms show it in turn, and it keeps its picture and its view. */
 import { signal } from "@preact/signals";
 import type { Colouring, Legend } from "../mesh/colours";
-import { mesh, onMesh } from "../part";
+import { firstSurface, mesh, onMesh } from "../part";
 import { notify } from "../state";
 import type { Cylinder } from "./cylinder";
 import { canDraw } from "./painter";
@@ -91,8 +91,9 @@ function create(element: HTMLElement): Viewport {
   plane.subscribe((value) => view.setPlane(value, tool.peek() === "cut"));
   cylinder.subscribe((value) => view.setCylinder(value));
   let shown: string | null = null;
+  const current = () => location.hash.split("/")[1] ?? null;
   const follow = () => {
-    const part = location.hash.split("/")[1] ?? null;
+    const part = current();
     const next = mesh.peek();
     view.setMesh(next, part === shown);
     // Between two scans there is no mesh: the second one is looked at anew.
@@ -101,6 +102,16 @@ function create(element: HTMLElement): Viewport {
   onMesh((parts) => (parts ? view.patched(parts) : follow()));
   mesh.subscribe((value) => {
     if (value !== view.mesh) follow();
+  });
+  firstSurface.subscribe((first) => {
+    if (mesh.peek()) return;
+    if (!first) {
+      view.setMesh(null);
+      return;
+    }
+    view.setFirst(first.model);
+    // Whoever has turned it goes on with the same view.
+    shown = current();
   });
   return view;
 }

@@ -32,6 +32,8 @@ export class Viewport implements HandledView {
   readonly selection = new Selection();
   readonly overlay: Overlay;
   mesh: MeshModel | null = null;
+  /** What is only looked at: there is no mesh yet, so nothing of it is picked, selected or edited. */
+  private first: MeshModel | null = null;
   private inHand: Tool = "navigate";
   visibleOnly = true;
   /** CSS pixels */
@@ -47,6 +49,7 @@ export class Viewport implements HandledView {
   private topologyKept: Topology | null = null;
   private projectionKept: { camera: number; mesh: number; of: Projection } | null = null;
   private drawn = 0;
+  private facesDrawn = 0;
   private looked = -1;
   private restTimer: ReturnType<typeof setTimeout> | undefined;
   private asked = false;
@@ -100,6 +103,11 @@ export class Viewport implements HandledView {
     return this.drawn;
   }
 
+  /** Faces of the surface in the picture on the screen. */
+  get drawnFaces(): number {
+    return this.facesDrawn;
+  }
+
   get fullMs(): number {
     return this.painter.fullMs;
   }
@@ -133,6 +141,7 @@ export class Viewport implements HandledView {
   /** Show another mesh; `keepView` where it is another epoch of the same part. */
   setMesh(mesh: MeshModel | null, keepView = false): void {
     this.mesh = mesh;
+    this.first = null;
     this.topologyKept = this.projectionKept = null;
     this.selection.set(new Uint8Array(mesh?.faceCount ?? 0));
     this.surface.setMesh(mesh);
@@ -144,6 +153,20 @@ export class Viewport implements HandledView {
       this.camera.contain(box);
       if (!keepView) this.camera.fit(box);
     }
+    this.repaint();
+  }
+
+  /** Show a surface to look at until there is a mesh. */
+  setFirst(model: MeshModel): void {
+    this.setMesh(null);
+    this.first = model;
+    this.surface.setMesh(model);
+    this.surface.tint(colourVertices(model, "plain").rgba);
+    this.surface.showUnmeasured(false);
+    const box = model.bounds();
+    if (!box) return;
+    this.camera.contain(box);
+    this.camera.fit(box);
     this.repaint();
   }
 
@@ -330,7 +353,7 @@ export class Viewport implements HandledView {
   /** All of it, or what is selected. */
   fit(selected = false): void {
     const only = selected && this.selection.count ? this.selection.faces : undefined;
-    const box = this.mesh?.bounds(only);
+    const box = (this.mesh ?? this.first)?.bounds(only);
     if (!box) return;
     this.camera.fit(box);
     this.repaint();
@@ -396,6 +419,7 @@ export class Viewport implements HandledView {
     else this.painter.paint(this.camera, this.surface.base, this.surface.overlay);
     this.overlay.draw();
     this.drawn += 1;
+    this.facesDrawn = (this.mesh ?? this.first)?.aliveCount ?? 0;
     if (this.looked === this.camera.version) return;
     this.looked = this.camera.version;
     this.events.looked?.();

@@ -21,6 +21,7 @@ ServerMessage = Annotated[
     | p.Beat
     | p.Stopped
     | p.Scans
+    | p.FirstSurface
     | p.Opened
     | p.Closed
     | p.Patch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,6 +27,7 @@ from turnscan.progress import Progress
 from turnscan.workflows import (
     CAUSE_TEXTS,
     CompareOptions,
+    FirstSurface,
     HistoryRow,
     PlacedFinding,
     ReconstructOptions,
@@ -45,12 +46,29 @@ _PREFIX = "edit-"
 class OpenScan:
     """One scan that browsers look at and repair; all of them hear what changes."""
 
-    def __init__(self, name: str, path: Path, hub: Hub, job: Job, pictures: StepPictures) -> None:
-        """Reconstruct, and replay the edits in the file. Raises as `ScanSession`."""
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        hub: Hub,
+        job: Job,
+        pictures: StepPictures,
+        first: Callable[[p.FirstSurface, dict[str, Array]], None] | None = None,
+    ) -> None:
+        """Reconstruct, and replay the edits in the file; ``first`` gets what is shown meanwhile.
+
+        Raises as `ScanSession`.
+        """
         self.name, self.path, self._hub, self._pictures = name, path, hub, pictures
         self._telling = threading.Lock()
         """The history that was told last is as it is."""
-        self.session = ScanSession(path, job.progress, self._tell)
+
+        def show(found: FirstSurface) -> None:
+            if first is not None:
+                message = p.FirstSurface(scan=name, every=found.every, edits=found.edits)
+                first(message, encoded(found.arrays))
+
+        self.session = ScanSession(path, job.progress, self._tell, show)
         self._draw(self.now)
 
     def close(self) -> None:

@@ -94,6 +94,8 @@ class Workshop:
         """What `close` raised."""
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
+        self._first: dict[str, tuple[p.FirstSurface, Mapping[str, Array]]] = {}
+        """What is shown of scans that are being opened, where there is something already."""
         self._leaving: dict[str, tuple[OpenScan, threading.Event]] = {}
         """Documents that are closed to make room, until they are."""
         self._trials: dict[str, tuple[int, Job]] = {}
@@ -461,21 +463,29 @@ class Workshop:
                 self._opening[name] = self.jobs.start(
                     "open", title, lambda job: self._load(job, name, path, leaving), name
                 )
+            if name in self._first:
+                self.hub.tell(*self._first[name], to=call.client)
             return p.StartedJob(id=call.id, job=self._opening[name].id)
 
     def _load(self, job: Job, name: str, path: Path, leaving: Sequence[str]) -> Result:
+        def show(message: p.FirstSurface, arrays: Mapping[str, Array]) -> None:
+            with self._lock:
+                self._first[name] = message, arrays
+                self.hub.tell(message, arrays)
+
         try:
             self._make_room(leaving)
             self._await_leaving(name)
-            scan = OpenScan(name, path, self.hub, job, self.pictures)
+            scan = OpenScan(name, path, self.hub, job, self.pictures, show)
             with self._lock:
                 self._scans[name] = scan
-            self.start.gallery.keep(path, scan.thumbnail(), scan.findings)
         finally:
             give_back()
             with self._lock:
                 self._opening.pop(name, None)
+                self._first.pop(name, None)
         self.hub.tell(scan.opened(None))
+        self.start.gallery.keep(path, scan.thumbnail(), scan.findings)
         self.tell_scans()
         return Result(f"{path.stem} is open", findings=scan.findings)
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from turnscan import edit
 from turnscan.detection import Detection, detect_scan
-from turnscan.errors import FormatError, InputError, ScanNewer
+from turnscan.errors import FormatError, InputError, ScanNewer, TurnscanError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.meshing import finished, source_of
@@ -54,6 +54,7 @@ from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._session_deviation import ShownDeviation, shown_deviation
+from turnscan.workflows._session_first import FirstSurface, first_surface
 from turnscan.workflows._session_grid import (
     ShownProfile,
     grid_arrays,
@@ -112,8 +113,11 @@ class ScanSession:
         path: Path,
         progress: Progress,
         changed: Callable[[SessionChange], None] = lambda change: None,
+        first: Callable[[FirstSurface], None] | None = None,
     ) -> None:
         """Reconstruct, and replay the edits in the file; ``changed`` hears of every later step.
+
+        ``first`` gets something to be shown meanwhile, where this takes long (`first_surface`).
 
         Raises as `Scan.resume`, `detect_scan` and `build`, and Cancelled.
         """
@@ -139,6 +143,8 @@ class ScanSession:
                 if isinstance(action, edit.Add):
                     self._steps.made(action.id, entry.time)
             history = history_of(self.scan)
+            if first is not None:
+                self._show_first(history, first, progress)
             rest = self._prepared(history, progress)
             document = edit.Document.open(self._build, history, rest, self._source)
             self.now = self._state(document, 0, secrets.randbits(_EPOCH_BITS))
@@ -612,6 +618,15 @@ class ScanSession:
     def _options(self, entries: Sequence[edit.Entry]) -> tuple[ReconstructOptions, Settings]:
         options = kept_options(self.scan, edits=entries)
         return options, options.settings(self._rig, self.scan)
+
+    def _show_first(
+        self, history: edit.History, show: Callable[[FirstSurface], None], progress: Progress
+    ) -> None:
+        with contextlib.suppress(TurnscanError):  # what is wrong the whole says
+            _, s = self._options(history.enabled)
+            found = first_surface(self.scan, self._rig, s, history, lambda: progress(0))
+            if found is not None:
+                show(found)
 
     def _prepared(self, history: edit.History, progress: Progress) -> Progress:
         """Find the stripes that a history needs and that are not at hand; the work that is left."""

@@ -12,6 +12,7 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
 from tests.app.e2e.conftest import DEADLINE, OPENING, steady, until
+from tests.app.e2e.cup import write_whole_cup
 from tests.app.e2e.pages import connect, disconnect, run_command, settled
 
 NO_WEBGL = """
@@ -227,6 +228,35 @@ def test_no_file_and_an_old_link_are_told_in_words(new_page, server, folder):
     page.get_by_role("heading", name="Scans").wait_for()
     page.goto(server.address + "#repair/nothing-of-the-kind")
     page.get_by_role("heading", name="Scans").wait_for()
+
+
+def test_a_large_scan_is_looked_at_before_the_whole_of_it_is_there(new_page, folder, picture):
+    write_whole_cup(folder / "large.turnscan", 340, 1)
+    page = new_page()
+    held = []
+    page.route("**/mesh", lambda route: held.append(route))
+    page.get_by_role("button", name="large", exact=True).click()
+    said = page.get_by_role("status").get_by_text("Preview of one profile in 4, as scanned")
+    said.wait_for(timeout=1000 * OPENING)
+    until(page, "turnscan.drawnFaces > 0 && turnscan.drawnFaces === turnscan.firstFaces", OPENING)
+    assert page.evaluate("turnscan.faces") == 0
+    picture(page, "preview")
+    end = time.monotonic() + OPENING
+    while not held:  # the server is ready; the surface is on its way
+        assert time.monotonic() < end
+        page.wait_for_timeout(50)
+    page.keyboard.press("Control+a")
+    assert page.evaluate("turnscan.selected") == 0
+    page.keyboard.press("5")
+    until(page, "turnscan.camera.elevation > 1.5")
+    held[0].continue_()
+    until(page, "turnscan.faces > 50000 && turnscan.drawnFaces === turnscan.faces")
+    assert page.evaluate("turnscan.camera.elevation") > 1.5, (
+        "whoever has turned it looks the same way"
+    )
+    assert not said.is_visible()
+    page.keyboard.press("Control+a")
+    until(page, "turnscan.selected === turnscan.faces")
 
 
 def test_picture_comes_back_after_the_graphics_card_was_taken_away(open_cup):

@@ -50,6 +50,20 @@ class Figures(Model):
     """mm³; None where the surface is open."""
 
 
+class FirstSurface(Model):
+    """Shown while a large scan is being opened: arrays positions f32 (v, 3), faces u32 (f, 3).
+
+    Some of the profiles as scanned; nothing can be edited or measured on it.
+    """
+
+    kind: Literal["first_surface"] = "first_surface"
+    scan: Opaque
+    every: Count
+    """One in so many profiles is in it."""
+    edits: Count
+    """Repairs in the file, which are not in it."""
+
+
 class Opened(Model):
     """A document is open: to who asked, and to everybody when it is first opened."""
 
