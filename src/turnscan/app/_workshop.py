@@ -106,7 +106,11 @@ class Workshop:
         self._pool = ThreadPoolExecutor(8, "request")
         self.pictures = StepPictures(library.folder / OWN)
         self.start = StartRoom(self.jobs, library, self._release, self.tell_results)
-        self._answers: dict[type, tuple[Callable[[Call], Answer], bool]] = {
+        self._answers = self._answer_table()
+
+    def _answer_table(self) -> dict[type, tuple[Callable[[Call], Answer], bool]]:
+        """How each kind of request is answered, and whether only the operator may ask."""
+        return {
             q.Stop: (self._stop, False),
             q.TakeControl: (self._take_control, False),
             q.ReleaseControl: (self._release_control, False),
