@@ -15,7 +15,8 @@ from turnscan import edit
 from turnscan.errors import ScanCorrupt
 from turnscan.progress import Cancelled, Progress, no_progress
 from turnscan.scan import Frame, Scan, ScanPlan
-from turnscan.workflows import FirstSurface, ReconstructOptions, ScanSession, _session_first
+from turnscan.workflows import ReconstructOptions, ScanSession, _session_first
+from turnscan.workflows._session_first import FirstSurface
 
 RADIUS, HEIGHT, LINES = 25.0, 40.0, 240
 LASERS = (0.4, -0.4)
@@ -35,14 +36,14 @@ def write_can(path: Path, lasers: int, *, skipped: int = 0) -> Path:
             for k in range(skipped, STEPS):
                 light = 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)
                 lit, dark = (light * n + rng.normal(12, 1.0, light.shape) for n in (1, 0))
-                pictures = (np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (lit, dark))
-                scan.add(Frame(k, name, *pictures, commanded=float(angles[k])))
+                seen, off = (np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (lit, dark))
+                scan.add(Frame(k, name, seen, off, commanded=float(angles[k])))
     return path
 
 
 def first_of(path: Path, progress: Progress = no_progress) -> list[FirstSurface]:
     found: list[FirstSurface] = []
-    ScanSession(path, progress, first=found.append).close()
+    ScanSession(path, progress, first=lambda *it: found.append(FirstSurface(*it))).close()
     return found
 
 

@@ -27,7 +27,6 @@ from turnscan.progress import Progress
 from turnscan.workflows import (
     CAUSE_TEXTS,
     CompareOptions,
-    FirstSurface,
     HistoryRow,
     PlacedFinding,
     ReconstructOptions,
@@ -61,12 +60,11 @@ class OpenScan:
         """
         self.name, self.path, self._hub, self._pictures = name, path, hub, pictures
         self._telling = threading.Lock()
-        """The history that was told last is as it is."""
+        """The history that was sent last is the present one."""
 
-        def show(found: FirstSurface) -> None:
+        def show(every: int, edits: int, arrays: Mapping[str, Array]) -> None:
             if first is not None:
-                message = p.FirstSurface(scan=name, every=found.every, edits=found.edits)
-                first(message, encoded(found.arrays))
+                first(p.FirstSurface(scan=name, every=every, edits=edits), encoded(arrays))
 
         self.session = ScanSession(path, job.progress, self._tell, show)
         self._draw(self.now)

@@ -58,7 +58,7 @@ class RigRoom:
         self._rig_name = ""
         self._using = threading.Lock()
         self._telling = threading.Lock()
-        """What was said last is how things are: nobody is told what has changed since."""
+        """What was sent last is the present state: nothing older comes after it."""
         self._stops = 0
         """How often `stop` was called: what waited for the devices meanwhile is not begun."""
         self._job: Job | None = None

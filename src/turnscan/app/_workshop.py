@@ -102,7 +102,7 @@ class Workshop:
         """The trial of settings of each browser, and the number of the request."""
         self._lock = threading.RLock()
         self._telling = threading.Lock()
-        """The lists that were told last are those of the folders as they are."""
+        """The lists that were sent last are those of the folders at present."""
         self._pool = ThreadPoolExecutor(8, "request")
         self.pictures = StepPictures(library.folder / OWN)
         self.start = StartRoom(self.jobs, library, self._release, self.tell_results)

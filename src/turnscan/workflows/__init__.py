@@ -123,7 +123,6 @@ if TYPE_CHECKING:
     from turnscan.workflows._sections import Sections, cuts_of
     from turnscan.workflows._selection_rules import SELECTION_RULES
     from turnscan.workflows._session import ScanSession, hole_in_words
-    from turnscan.workflows._session_first import FirstSurface
     from turnscan.workflows._session_grid import CAUSE_TEXTS
     from turnscan.workflows._session_history import HistoryRow
     from turnscan.workflows._session_mesh import SurfacePatch, mesh_file_arrays
@@ -259,7 +258,6 @@ _MODULES = {
     "_selection_rules": ("SELECTION_RULES",),
     "_session": ("ScanSession", "hole_in_words"),
     "_session_grid": ("CAUSE_TEXTS",),
-    "_session_first": ("FirstSurface",),
     "_session_history": ("HistoryRow",),
     "_session_mesh": ("SurfacePatch", "mesh_file_arrays"),
     "_session_state": ("PlacedFinding", "SessionChange", "SessionState", "Stale"),
@@ -363,7 +361,6 @@ __all__ = [
     "ExportOptions",
     "Exported",
     "FileKind",
-    "FirstSurface",
     "FormatOptions",
     "FoundDevices",
     "FoundShapes",

@@ -54,7 +54,7 @@ from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._session_deviation import ShownDeviation, shown_deviation
-from turnscan.workflows._session_first import FirstSurface, first_surface
+from turnscan.workflows._session_first import first_surface
 from turnscan.workflows._session_grid import (
     ShownProfile,
     grid_arrays,
@@ -113,11 +113,11 @@ class ScanSession:
         path: Path,
         progress: Progress,
         changed: Callable[[SessionChange], None] = lambda change: None,
-        first: Callable[[FirstSurface], None] | None = None,
+        first: Callable[[int, int, Arrays], None] | None = None,
     ) -> None:
         """Reconstruct, and replay the edits in the file; ``changed`` hears of every later step.
 
-        ``first`` gets something to be shown meanwhile, where this takes long (`first_surface`).
+        ``first`` gets what can be shown meanwhile, where this takes long (`FirstSurface`).
 
         Raises as `Scan.resume`, `detect_scan` and `build`, and Cancelled.
         """
@@ -620,13 +620,13 @@ class ScanSession:
         return options, options.settings(self._rig, self.scan)
 
     def _show_first(
-        self, history: edit.History, show: Callable[[FirstSurface], None], progress: Progress
+        self, history: edit.History, show: Callable[[int, int, Arrays], None], progress: Progress
     ) -> None:
         with contextlib.suppress(TurnscanError):  # what is wrong the whole says
             _, s = self._options(history.enabled)
             found = first_surface(self.scan, self._rig, s, history, lambda: progress(0))
             if found is not None:
-                show(found)
+                show(found.every, found.edits, found.arrays)
 
     def _prepared(self, history: edit.History, progress: Progress) -> Progress:
         """Find the stripes that a history needs and that are not at hand; the work that is left."""
