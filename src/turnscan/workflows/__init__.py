@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turnscan.formats import ExportOptions
-    from turnscan.workflows._artefact import PAPERS, TARGET, artefact
+    from turnscan.workflows._artefact import TARGET, artefact
     from turnscan.workflows._batch import Batch, batch, table_of
     from turnscan.workflows._batch_recipe import Recipe, read_recipe
     from turnscan.workflows._batch_task import Outcome, Task
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from turnscan.workflows._files import (
         check_apart,
         check_output,
-        check_writable,
         write_atomically,
     )
     from turnscan.workflows._format_options import FormatOptions
@@ -103,7 +102,6 @@ if TYPE_CHECKING:
         PlannedScan,
         ScanLeft,
         TakenScan,
-        opened_devices,
         resume,
         scan,
         scan_left,
@@ -165,7 +163,7 @@ if TYPE_CHECKING:
     )
 
 _MODULES = {
-    "_artefact": ("PAPERS", "TARGET", "artefact"),
+    "_artefact": ("TARGET", "artefact"),
     "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
     "_calibrate_options": ("BoardOptions", "CalibrateOptions"),
     "_capture": ("CapturedPicture", "CapturedPictures", "capture"),
@@ -201,7 +199,7 @@ _MODULES = {
     "_emulate": ("EmulatedDevices", "EmulatedLog", "emulate"),
     "_emulate_options": ("EmulateOptions",),
     "_export": ("Exported", "export"),
-    "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
+    "_files": ("check_apart", "check_output", "write_atomically"),
     "_format_options": ("FormatOptions",),
     "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at"),
     "_import_options": (
@@ -235,7 +233,6 @@ _MODULES = {
         "PlannedScan",
         "ScanLeft",
         "TakenScan",
-        "opened_devices",
         "resume",
         "scan",
         "scan_left",
@@ -322,7 +319,6 @@ __all__ = [
     "LONGEST_PAUSE",
     "MAP_SUFFIXES",
     "MOST_PICTURES",
-    "PAPERS",
     "REVOLVE_SUFFIXES",
     "SECTION_SUFFIXES",
     "SELECTION_RULES",
@@ -438,7 +434,6 @@ __all__ = [
     "check_output",
     "check_step",
     "check_targets",
-    "check_writable",
     "compare",
     "cuts_of",
     "declared",
@@ -468,7 +463,6 @@ __all__ = [
     "measure",
     "mesh_file_arrays",
     "open_scan",
-    "opened_devices",
     "option_schemas",
     "options_of",
     "parse_angles",
