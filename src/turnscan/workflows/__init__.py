@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._files import (
         check_apart,
         check_output,
+        check_writable,
         write_atomically,
     )
     from turnscan.workflows._format_options import FormatOptions
@@ -199,7 +200,7 @@ _MODULES = {
     "_emulate": ("EmulatedDevices", "EmulatedLog", "emulate"),
     "_emulate_options": ("EmulateOptions",),
     "_export": ("Exported", "export"),
-    "_files": ("check_apart", "check_output", "write_atomically"),
+    "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_format_options": ("FormatOptions",),
     "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at"),
     "_import_options": (
@@ -434,6 +435,7 @@ __all__ = [
     "check_output",
     "check_step",
     "check_targets",
+    "check_writable",
     "compare",
     "cuts_of",
     "declared",
