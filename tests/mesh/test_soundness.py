@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.mesh.open_meshes import plate
-from turnscan.mesh import Mesh, _soundness, crossings, join, soundness
+from tests.mesh.open_meshes import ball, plate
+from turnscan.mesh import Mesh, _soundness, crossings, join, opposite_half_edges, soundness
 
 CUBE = Mesh(
     np.array([[x, y, z] for z in (0.0, 1) for y in (0, 1) for x in (0, 1)]),
@@ -68,6 +68,27 @@ def test_all_pairs_that_cut_through_each_other_are_found(many, monkeypatch):
     asked[[3, 40]] = True
     some = {(int(a), int(b)) for a, b in crossings(soup, asked)}
     assert some == {pair for pair in found if {3, 40} & set(pair)}
+
+
+def test_fans_that_are_left_out_have_no_pairs(monkeypatch):
+    from turnscan.mesh import _crossing_kernels as kernels
+
+    rng, left_out, beside = np.random.default_rng(5), 0, 0
+    for crumpled in np.linspace(0.0, 0.7, 24):
+        for smooth in (plate(15), ball(16)):
+            usual = np.linalg.norm(np.diff(smooth.triangles[:, :2], axis=1), axis=-1).mean()
+            places = smooth.vertices + crumpled * usual * rng.normal(size=smooth.vertices.shape)
+            mesh = Mesh(places, smooth.faces)
+            found = crossings(mesh)
+            twin = opposite_half_edges(mesh.faces)
+            left_out += int(kernels.plain_fans(mesh.vertices, mesh.faces, twin).sum())
+            with monkeypatch.context() as looking_at_all:
+                none = np.zeros(len(places), dtype=np.bool_)
+                looking_at_all.setattr(kernels, "plain_fans", lambda *mesh, none=none: none)
+                assert np.array_equal(crossings(mesh), found)
+            beside += sum(bool(set(mesh.faces[a]) & set(mesh.faces[b])) for a, b in found)
+    assert left_out > 2000
+    assert beside > 200, "crumpled enough that faces about one vertex cut each other"
 
 
 @pytest.mark.parametrize("many", [0, 10**6], ids=["in parts", "at once"])

@@ -13,6 +13,9 @@ from turnscan.mesh._tree_kernels import meet
 
 _FLAT = 1e-12
 """Corners nearer to a plane than this share of a triangle's size lie in it."""
+_STEEP = 1e-6
+"""Square of the cosine of a face to the mean of those about a vertex, below which it stands on
+edge."""
 
 
 class Faces(NamedTuple):
@@ -29,29 +32,74 @@ class Faces(NamedTuple):
     """Boxes of a heap over them."""
     wanted: Bools
     """For each node whether it holds one that is asked for."""
-    normals: Floats
-    """(f, 3) unit."""
-    sizes: Floats
-    """(f,) their longest sides, 0 where there is no area."""
+    plain: Bools
+    """(v,) True for vertices about which no two triangles cut each other (`plain_fans`)."""
 
 
 @njit(cache=True, nogil=True)
-def planes(
-    vertices: Floats, faces: Ints, first: int, end: int, normals: Floats, sizes: Floats
-) -> None:
-    """Write (f, 3) unit normals of triangles, and their longest sides (f,), 0 where there is no
-    area, from the first to before the end."""
-    for f in range(first, end):
-        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        sizes[f] = _plane(a, b, c, normals[f])
+def plain_fans(vertices: Floats, faces: Ints, twin: Ints) -> Bools:
+    """(v,) True where the faces about a vertex are a ring that lies side by side, seen along the
+    mean of their normals, so that no two of them have more in common than vertices and edges.
+
+    ``twin`` (3 f,) is the half-edge opposite to each, -1 where there is none. The faces of a closed
+    ring that all turn one way about the vertex go round it once where just one of them lies on any
+    ray that leaves it.
+    """
+    mean = np.zeros(vertices.shape)
+    for f in range(len(faces)):
+        n = _normal(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        for k in range(3):
+            for axis in range(3):
+                mean[faces[f, k], axis] += n[axis]
+    rounds = np.zeros(len(vertices), dtype=np.int32)
+    plain = np.ones(len(vertices), dtype=np.bool_)
+    for f in range(len(faces)):
+        n = _normal(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        size = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+        for k in range(3):
+            v = faces[f, k]
+            m = mean[v]
+            dot = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+            all_of = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+            faces_it = dot > 0.0 and dot * dot > _STEEP * size * all_of
+            if not faces_it or twin[3 * f + k] < 0 or twin[3 * f + (k + 2) % 3] < 0:
+                plain[v] = False
+                continue
+            leaves = _aside(vertices, m, v, faces[f, (k + 1) % 3]) >= 0.0
+            rounds[v] += leaves & (_aside(vertices, m, v, faces[f, (k + 2) % 3]) < 0.0)
+    return plain & (rounds == 1)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _normal(v: Floats, a: int, b: int, c: int) -> tuple[float, float, float]:
+    """Of a triangle, twice its area long."""
+    p0, p1, p2 = v[b, 0] - v[a, 0], v[b, 1] - v[a, 1], v[b, 2] - v[a, 2]
+    q0, q1, q2 = v[c, 0] - v[a, 0], v[c, 1] - v[a, 1], v[c, 2] - v[a, 2]
+    return p1 * q2 - q1 * p2, p2 * q0 - q2 * p0, p0 * q1 - q0 * p1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _aside(v: Floats, m: Floats, at: int, to: int) -> float:
+    """On which side of an edge, seen along m, a ray lies that leaves the same vertex across m."""
+    e0, e1, e2 = v[to, 0] - v[at, 0], v[to, 1] - v[at, 1], v[to, 2] - v[at, 2]
+    # Of m and the axis that it leans least on, crossed, so that it is across m and not short.
+    if abs(m[0]) <= abs(m[1]) and abs(m[0]) <= abs(m[2]):
+        r0, r1, r2 = 0.0, m[2], -m[1]
+    elif abs(m[1]) <= abs(m[2]):
+        r0, r1, r2 = -m[2], 0.0, m[0]
+    else:
+        r0, r1, r2 = m[1], -m[0], 0.0
+    a0, a1, a2 = e1 * r2 - e2 * r1, e2 * r0 - e0 * r2, e0 * r1 - e1 * r0
+    return a0 * m[0] + a1 * m[1] + a2 * m[2]
 
 
 @njit(cache=True, nogil=True)
-def as_they_come(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
-    """The vertices (v, 3) that faces (f, 3) use, in the order in which they use them, and the faces
-    with their new numbers: what is read together lies together."""
+def as_they_come(vertices: Floats, faces: Ints, plain: Bools) -> tuple[Floats, Ints, Bools]:
+    """The vertices (v, 3) that faces (f, 3) use, in the order in which they use them, the faces
+    with their new numbers, and which of the vertices are ``plain``: what is read together lies
+    together."""
     number = np.full(len(vertices), -1, dtype=np.int32)
-    places, named = np.empty_like(vertices), np.empty_like(faces)
+    places, named, is_plain = np.empty_like(vertices), np.empty_like(faces), np.empty_like(plain)
     have = 0
     for f in range(len(faces)):
         for k in range(3):
@@ -60,9 +108,10 @@ def as_they_come(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
                 number[old] = have
                 for axis in range(3):
                     places[have, axis] = vertices[old, axis]
+                is_plain[have] = plain[old]
                 have += 1
             named[f, k] = number[old]
-    return places[:have], named
+    return places[:have], named, is_plain[:have]
 
 
 @njit(cache=True, nogil=True)
@@ -106,7 +155,7 @@ def crossings(given: Faces, starts: Longs, most: int) -> Ints:
     The tree is laid against itself: pairs of nodes of one level, of which only those go on to their
     halves whose boxes meet, so that the work grows with the number of triangles.
     """
-    vertices, faces, asked, spans, nodes, wanted, normals, sizes = given
+    vertices, faces, asked, spans, nodes, wanted, plain = given
     leaves, count = len(nodes) // 2, len(faces)
     found = np.empty((64, 2), dtype=np.int32)
     made = 0
@@ -127,11 +176,11 @@ def crossings(given: Faces, starts: Longs, most: int) -> Ints:
             for j in range(max(i + 1, first), last):
                 if not ((asked[i] | asked[j]) & meet(spans, i, spans, j)):
                     continue
+                if _about_plain(faces, plain, i, j):
+                    continue
                 # The one that is asked for comes first, of two the first in order.
                 p, q = (i, j) if asked[i] else (j, i)
-                if not _cross(vertices, faces, normals, sizes, p, q) or _apart(
-                    vertices, faces, p, q
-                ):
+                if not _cross(vertices, faces, p, q) or _apart(vertices, faces, p, q):
                     continue
                 if made == len(found):
                     more = np.empty((2 * made, 2), dtype=np.int32)
@@ -168,29 +217,40 @@ def _apart(v: Floats, faces: Ints, i: int, j: int) -> bool:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _off(v: Floats, x: int, n: Floats, p: int, origin: int) -> float:
-    """Distance of vertex x from the plane with normal number p through a vertex."""
-    a = n[p, 0] * (v[x, 0] - v[origin, 0])
-    b = n[p, 1] * (v[x, 1] - v[origin, 1])
-    return a + b + n[p, 2] * (v[x, 2] - v[origin, 2])
+def _about_plain(faces: Ints, plain: Bools, i: int, j: int) -> bool:
+    """Whether two triangles have a vertex in common about which none cut each other."""
+    for k in range(3):
+        v = faces[i, k]
+        if ((v == faces[j, 0]) | (v == faces[j, 1]) | (v == faces[j, 2])) and plain[v]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _off(v: Floats, x: int, n: tuple[float, float, float], origin: int) -> float:
+    """Distance of vertex x from the plane with unit normal n through a vertex."""
+    a = n[0] * (v[x, 0] - v[origin, 0])
+    b = n[1] * (v[x, 1] - v[origin, 1])
+    return a + b + n[2] * (v[x, 2] - v[origin, 2])
 
 
 @njit(cache=True, nogil=True)
-def _cross(v: Floats, faces: Ints, n: Floats, sizes: Floats, p: int, q: int) -> bool:
+def _cross(v: Floats, faces: Ints, p: int, q: int) -> bool:
     """Whether triangles p and q cut through each other."""
-    if not sizes[p] > 0.0:
+    n, size = _plane(v, faces[p, 0], faces[p, 1], faces[p, 2])
+    if not size > 0.0:
         return False
     a0, a1, a2 = faces[p, 0], faces[p, 1], faces[p, 2]
     b0, b1, b2 = faces[q, 0], faces[q, 1], faces[q, 2]
     same_0 = (b0 == a0) | (b0 == a1) | (b0 == a2)
     same_1 = (b1 == a0) | (b1 == a1) | (b1 == a2)
     same_2 = (b2 == a0) | (b2 == a1) | (b2 == a2)
-    d0 = 0.0 if same_0 else _off(v, b0, n, p, a0)
-    d1 = 0.0 if same_1 else _off(v, b1, n, p, a0)
-    d2 = 0.0 if same_2 else _off(v, b2, n, p, a0)
-    flat = _FLAT * sizes[p]
+    d0 = 0.0 if same_0 else _off(v, b0, n, a0)
+    d1 = 0.0 if same_1 else _off(v, b1, n, a0)
+    d2 = 0.0 if same_2 else _off(v, b2, n, a0)
+    flat = _FLAT * size
     if max(abs(d0), abs(d1), abs(d2)) <= flat:
-        return _overlap(v, faces[p], faces[q], n[p])
+        return _overlap(v, faces[p], faces[q], n)
     if np.int64(same_0) + np.int64(same_1) + np.int64(same_2) > 1:
         return False  # every side of either touches the other
     if _on_one_side(same_0, same_1, same_2, d0, d1, d2, flat):
@@ -199,10 +259,11 @@ def _cross(v: Floats, faces: Ints, n: Floats, sizes: Floats, p: int, q: int) -> 
     shared_1 = (a1 == b0) | (a1 == b1) | (a1 == b2)
     shared_2 = (a2 == b0) | (a2 == b1) | (a2 == b2)
     e0, e1, e2 = 0.0, 0.0, 0.0
-    if sizes[q] > 0.0:
-        e0, e1, e2 = _off(v, a0, n, q, b0), _off(v, a1, n, q, b0), _off(v, a2, n, q, b0)
+    m, other = _plane(v, b0, b1, b2)
+    if other > 0.0:
+        e0, e1, e2 = _off(v, a0, m, b0), _off(v, a1, m, b0), _off(v, a2, m, b0)
         # Most pairs end here: the plane of the one or of the other parts them.
-        if _on_one_side(shared_0, shared_1, shared_2, e0, e1, e2, _FLAT * sizes[q]):
+        if _on_one_side(shared_0, shared_1, shared_2, e0, e1, e2, _FLAT * other):
             return False
     return (
         (d0 * d1 < 0.0 and not (same_0 | same_1) and _pierced(v, b0, b1, a0, a1, a2))
@@ -224,24 +285,18 @@ def _on_one_side(
     return above | below
 
 
-@njit(cache=True, nogil=True)
-def _plane(a: Floats, b: Floats, c: Floats, n: Floats) -> float:
-    """Write the unit normal; gives the longest side, 0 where there is no area."""
+@njit(cache=True, nogil=True, inline="always")
+def _plane(v: Floats, a: int, b: int, c: int) -> tuple[tuple[float, float, float], float]:
+    """The unit normal of a triangle and its longest side, 0 where there is no area."""
+    n = _normal(v, a, b, c)
     longest = 0.0
     for p, q in ((a, b), (b, c), (c, a)):
-        s = 0.0
-        for k in range(3):
-            s += (q[k] - p[k]) ** 2
-        longest = max(longest, s)
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        n[k] = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
+        s0, s1, s2 = v[q, 0] - v[p, 0], v[q, 1] - v[p, 1], v[q, 2] - v[p, 2]
+        longest = max(longest, s0 * s0 + s1 * s1 + s2 * s2)
     twice = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     if not twice > 1e-14 * longest:
-        return 0.0
-    for k in range(3):
-        n[k] /= twice
-    return np.sqrt(longest)
+        return n, 0.0
+    return (n[0] / twice, n[1] / twice, n[2] / twice), np.sqrt(longest)
 
 
 @njit(cache=True, nogil=True)
@@ -263,7 +318,7 @@ def _volume(v: Floats, p: int, q: int, a: int, b: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _overlap(v: Floats, of_a: Ints, of_b: Ints, n: Floats) -> bool:
+def _overlap(v: Floats, of_a: Ints, of_b: Ints, n: tuple[float, float, float]) -> bool:
     """Whether triangles in one plane of normal n overlap: no side of either parts them."""
     k = 0
     for i in range(1, 3):

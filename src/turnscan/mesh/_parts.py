@@ -30,6 +30,8 @@ def submesh(mesh: Mesh, keep: Bools) -> Mesh:
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one, side by side; the provenance of each vertex stays with it."""
+    if len(meshes) == 1:
+        return meshes[0]
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
     some = any(m.measured is not None for m in meshes)
     return Mesh(

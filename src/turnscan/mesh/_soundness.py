@@ -8,7 +8,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._topology import unpaired, vertex_fans
+from turnscan.mesh._topology import opposite_half_edges, unpaired, vertex_fans
 from turnscan.threads import in_parts
 
 _THIN = 1e-9
@@ -76,20 +76,20 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
 
     if not len(mesh.faces) or (asked is not None and not asked.any()):
         return np.empty((0, 2), dtype=np.int32)
+    plain = np.zeros(len(mesh.vertices), dtype=np.bool_)
     if asked is None:
+        plain = kernels.plain_fans(mesh.vertices, mesh.faces, opposite_half_edges(mesh.faces))
         order: Ints = morton_order(mesh.vertices, mesh.faces).astype(np.int32)
         which = np.ones(len(order), dtype=np.bool_)
     else:
         near = _around(mesh, asked)
         order = near[morton_order(mesh.vertices, mesh.faces[near])].astype(np.int32)
         which = asked[order]
-    vertices, faces = kernels.as_they_come(mesh.vertices, mesh.faces[order])
+    vertices, faces, plain = kernels.as_they_come(mesh.vertices, mesh.faces[order], plain)
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
     reach = spans(vertices, faces)
     nodes, wanted = boxes(reach, leaves), kernels.nodes_with(which, leaves)
-    planes = np.empty((len(faces), 3)), np.empty(len(faces))
-    in_parts(lambda a, b: kernels.planes(vertices, faces, a, b, *planes), len(faces))
-    tree = kernels.Faces(vertices, faces, which, reach, nodes, wanted, *planes)
+    tree = kernels.Faces(vertices, faces, which, reach, nodes, wanted, plain)
     starts = kernels.beginnings(nodes, wanted, _STARTS)
     most, parts = _PAIRS * len(mesh.faces), _PARTS if len(faces) > _MANY else 1
     each = most if parts == 1 else most // 8

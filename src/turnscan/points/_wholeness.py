@@ -28,8 +28,8 @@ _SMOOTH = 0.08
 _SHARE = 0.25
 """… or half as much again as that of this share of all, where curvature and coarse steps make it
 more, but no more than twice of it: beyond that nobody knows what is due."""
-_FEW = 50
-"""Points that are enough to know how thick the sheet is."""
+_FEW, _MANY = 50, 200_000
+"""Points that are enough to know how thick the sheet is, and more than which tell no more."""
 _VARIES = 0.12
 """Scatter of widths about what is due, as a part, beyond which something else makes them: a halo,
 clipping. Then they tell nothing of the surface."""
@@ -132,15 +132,15 @@ def wholeness(light: LitPoints) -> Wholeness:
 
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
-    walk, slide, side = _along_steps(kernels.across, light, (3, 2, *found.shape))
+    arcs = _arcs(light)
+    walk, slide, side = _along_steps(kernels.across, light, arcs, (3, 2, *found.shape))
     slide = np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1]))
     walk = np.stack([_steady(w) for w in walk])
     due_on, thickness, told = _due(walk, width)
     light_of = _steady(np.where(found, light.amplitude, np.nan))
-    flat = _along_steps(kernels.further_in, light, walk.shape, 1)
+    flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
-    arcs = _arcs(light)
-    creased = _creased(width, walk, thickness, arcs, lambda far: _apart(light, due_on, far))
+    creased = _creased(width, walk, thickness, arcs, lambda far: _apart(light, arcs, due_on, far))
     fine = _fineness(arcs, thickness)
     shift, doubt = np.empty(width.shape), np.empty(width.shape)
     tail = np.empty(width.shape, dtype=np.bool_)
@@ -240,13 +240,18 @@ def _steady(width: Floats) -> Floats:
 
 
 def _along_steps(
-    kernel: Callable[..., None], light: LitPoints, shape: tuple[int, ...], *more: int
+    kernel: Callable[..., None],
+    light: LitPoints,
+    arcs: Floats,
+    shape: tuple[int, ...],
+    *more: int,
 ) -> Floats:
     """What `across` or `further_in` writes of all steps, in parts."""
-    out, arcs, least = np.full(shape, np.nan), _arcs(light), _TILTED * light.noise
+    out, least = np.empty(shape), _TILTED * light.noise
 
     def part(first: int, end: int) -> None:
         span = (first, end)
+        out[..., first:end, :] = np.nan
         places = light.points, light.eyes, light.moves, light.sheets, arcs
         kernel(*places, least, light.closed, span, out, *more)
 
@@ -272,9 +277,8 @@ def _ended(light: LitPoints, steadied: Floats, arcs: Floats, thickness: float) -
     """
     from turnscan.points import _wholeness_kernels as kernels
 
-    out = np.full((2, *light.width.shape), np.nan)
-    gaps = np.linalg.norm(np.diff(light.points, axis=1), axis=-1)
-    gaps = gaps[~np.isnan(gaps)]
+    out = np.empty((2, *light.width.shape))
+    gaps = np.concatenate(in_parts(lambda a, b: _gaps(light.points[a:b]), len(out[0])))
     if not thickness > 0 or not len(gaps):
         return np.zeros_like(steadied)
     sizes = float(np.median(gaps)), thickness
@@ -282,10 +286,17 @@ def _ended(light: LitPoints, steadied: Floats, arcs: Floats, thickness: float) -
     def part(first: int, end: int) -> None:
         places = light.points, light.eyes, light.sheets, arcs
         span = first, end
+        out[:, first:end] = np.nan
         kernels.whole_widths(places, light.width, steadied, sizes, light.closed, span, out)
 
     in_parts(part, len(steadied))
     return np.asarray(np.nan_to_num(_bias(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
+
+
+def _gaps(points: Floats) -> Floats:
+    """(m,) mm between neighbours along their profiles (s, n, 3), those that there are."""
+    gaps = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+    return np.asarray(gaps[~np.isnan(gaps)])
 
 
 def _smooth(walk: Floats, width: Floats) -> Bools:
@@ -370,12 +381,12 @@ def _creased(
     return np.where(np.isinf(walk).any(axis=0), 0.0, out)
 
 
-def _apart(light: LitPoints, due_on: Callable[[Floats], Floats], far: int) -> Floats:
+def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], far: int) -> Floats:
     """(s, n) px: how much wider a stripe is due on the one of two surfaces than on the other, those
     that lie ``far`` steps before and after; NaN where one is not known."""
     from turnscan.points import _wholeness_kernels as kernels
 
-    walk = _along_steps(kernels.further_in, light, (2, *light.width.shape), far)
+    walk = _along_steps(kernels.further_in, light, arcs, (2, *light.width.shape), far)
     due = due_on(np.stack([_steady(w) for w in walk]))
     with np.errstate(invalid="ignore"):
         noise = _NOISE * (due[0] + due[1])
@@ -390,17 +401,19 @@ def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float
     Chords of a curved surface lie to the light otherwise than it does, one way before and the
     other after: what is usual there is due. NaN where nothing can be told.
     """
-    smooth = _smooth(walk, width)
-    if smooth.sum() < _FEW:
+    smooth = np.nonzero(_smooth(walk, width))
+    if len(smooth[0]) < _FEW:
         return lambda other: np.full(other.shape, np.nan), 0.0, False
-    x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
+    some = tuple(index[:: -(-len(index) // _MANY)] for index in smooth)
+    on, lit = np.stack([w[some] for w in walk]), width[some]
+    x, y = 1.0 / on.mean(axis=0) ** 2, lit**2
     steep = x > np.median(x)
     ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
     (x0, y0), (x1, y1) = ends[0], ends[-1]
     told = x1 > x0 * _UNLIKE
     slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if told else y0 / x0
     blur = max(y0 - slope * x0, 0.0)
-    part = np.log(width[smooth] / np.sqrt(slope / walk[:, smooth] ** 2 + blur))
+    part = np.log(lit / np.sqrt(slope / on**2 + blur))
     usual = np.median(part, axis=1)
     scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
     thickness = float(np.sqrt(slope))
