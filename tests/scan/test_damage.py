@@ -309,11 +309,10 @@ def test_strange_payloads_with_right_checksums(tmp_path: Path, seed: int) -> Non
     import zstandard
 
     from turnscan.scan._codec import decode, encode
-    from turnscan.scan._signal import signal_of
 
     rng = random.Random(seed)
     lit, dark = stripe_pair(0)
-    good, _ = encode(lit, dark, True, signal_of(lit, dark, None), 8.0, PLAN)
+    good, _ = encode(lit, dark, True, 8.0, PLAN)
     body = zstandard.ZstdDecompressor().decompress(good)
     refused = 0
     for _ in range(300):

@@ -46,9 +46,8 @@ def a_scene(rng, dtype, channels, dark):
 
 def stored(plan, lit, dark, own):
     """Payload of a frame, level and noise of its signal."""
-    signal = signal_of(lit, dark, plan.weights)
-    told = statistics(signal)
-    return encode(lit, dark, own, signal, told.level + plan.threshold, plan)[0], told
+    told = statistics(signal_of(lit, dark, plan.weights))
+    return encode(lit, dark, own, told.level + plan.threshold, plan)[0], told
 
 
 def both_ways(plan, frames, look, inside):

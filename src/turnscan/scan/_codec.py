@@ -15,7 +15,6 @@ channel by channel (red and blue less green), as differences from the pixel befo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -24,11 +23,18 @@ import numpy as np
 import numpy.typing as npt
 import zstandard
 
-from turnscan.arrays import Bytes, Image
+from turnscan.arrays import Bools, Bytes, Image
 from turnscan.errors import LimitExceeded, ScanCorrupt
 from turnscan.runs import Runs
 from turnscan.scan._plan import Frame, ScanPlan
-from turnscan.scan._signal import SAMPLES, Pixels, signal_of, statistics
+from turnscan.scan._signal import (
+    Pixels,
+    above,
+    sample,
+    sampled_signal,
+    signal_of,
+    statistics,
+)
 
 Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
@@ -82,19 +88,21 @@ class Background:
 
 
 def encode(
-    lit: Image, dark: Image | None, own: bool, signal: Pixels, threshold: float, plan: ScanPlan
+    lit: Image, dark: Image | None, own: bool, threshold: float, plan: ScanPlan
 ) -> tuple[bytes, float]:
     """Payload of a frame, and the share of its pixels that it holds.
 
-    Those are kept where ``signal`` is above ``threshold``; ``dark`` is kept too if ``own``.
+    Of a sparse scan those are kept where its signal is above ``threshold``; ``dark`` is kept too if
+    ``own``.
     """
     pictures = [lit, dark] if own and dark is not None else [lit]
     share = 1.0
     if plan.keep == "full":
         body = [_squeeze(_planes(p)) for p in pictures]
     else:
-        lines = signal if plan.orientation == "vertical" else signal.T
-        counts, starts, lengths = find_runs(lines, threshold, plan.margin)
+        bright = above(lit, dark, plan.weights, threshold)
+        lines = bright if plan.orientation == "vertical" else bright.T
+        counts, starts, lengths = find_runs(lines, plan.margin)
         index = _indices(counts, starts, lengths, lines.shape, plan)
         share = len(index) / lines.size
         body = [
@@ -108,10 +116,9 @@ def encode(
 
 def packed_size(frame: Frame, plan: ScanPlan) -> int:
     """Bytes that the pixels of a frame, with its own dark picture or none, would take in a scan."""
-    signal = signal_of(frame.lit, frame.dark, plan.weights)
-    bright = statistics(signal).level + plan.threshold
+    level = statistics(sampled_signal(frame.lit, frame.dark, plan.weights)).level
     own = frame.dark is not None
-    return len(encode(frame.lit, frame.dark, own, signal, bright, plan)[0])
+    return len(encode(frame.lit, frame.dark, own, level + plan.threshold, plan)[0])
 
 
 def decode(
@@ -132,16 +139,14 @@ def decode(
     return _decode_runs(body, plan, dark, background, project, where)
 
 
-def find_runs(lines: Pixels, threshold: float, margin: int) -> tuple[Pixels, Pixels, Pixels]:
-    """Runs of pixels to keep in each line of ``lines`` (n, m).
+def find_runs(bright: Bools, margin: int) -> tuple[Pixels, Pixels, Pixels]:
+    """Runs of pixels to keep in each line of pictures that are ``bright`` (n, m) there.
 
-    A pixel is kept within ``margin`` of one that is above the threshold. Returns runs per line
+    A pixel is kept within ``margin`` of a bright one. Returns runs per line
     (n,), first pixel and length of each run.
     """
-    n, m = lines.shape
-    if lines.dtype.kind in "iu":  # the same pixels, compared as whole numbers
-        threshold = math.floor(threshold)
-    place = np.flatnonzero(lines > threshold)
+    n, m = bright.shape
+    place = np.flatnonzero(bright)
     line, column = np.divmod(place, m)
     first, after = np.maximum(column - margin, 0), np.minimum(column + margin + 1, m)
     new = np.ones(len(place), bool)
@@ -347,7 +352,7 @@ def _fill(lit: Image, dark: Image | None, own: bool) -> Pixels:
     bits = lit.dtype.newbyteorder("<")
     if dark is None:
         return _medians(lit).astype(bits)
-    added = _medians(signal_of(_sample(lit), _sample(dark), None)).astype(np.int64)
+    added = _medians(signal_of(sample(lit), sample(dark), None)).astype(np.int64)
     if not own:
         return added.astype(bits)
     off = _medians(dark).astype(np.int64)
@@ -356,13 +361,7 @@ def _fill(lit: Image, dark: Image | None, own: bool) -> Pixels:
 
 
 def _medians(picture: Pixels) -> Pixels:
-    return np.asarray(np.median(_sample(picture)[:, 0], axis=0))
-
-
-def _sample(picture: Pixels) -> Pixels:
-    """(k, 1, C): some pixels of a picture, evenly spread; of a sample all."""
-    planes = picture.reshape(picture.shape[0] * picture.shape[1], 1, -1)
-    return np.asarray(planes[:: max(1, len(planes) // SAMPLES) | 1])
+    return np.asarray(np.median(sample(picture)[:, 0], axis=0))
 
 
 def _ground(

@@ -37,7 +37,7 @@ from turnscan.scan._plan import (
     settings_from_json,
     settings_to_json,
 )
-from turnscan.scan._signal import signal_of, statistics
+from turnscan.scan._signal import sampled_signal, statistics
 from turnscan.scan._storage import storage
 from turnscan.scan._stored import Stored
 from turnscan.scan._unpack import Unpacker
@@ -182,10 +182,9 @@ class Scan:
             dark = "none"
         else:
             self._check_picture(off, f"dark picture of step {frame.step}")
-        signal = signal_of(frame.lit, off, self.plan.weights)
-        seen = statistics(signal)
+        seen = statistics(sampled_signal(frame.lit, off, self.plan.weights))
         bright = seen.level + self.plan.threshold
-        payload, share = encode(frame.lit, off, dark == "own", signal, bright, self.plan)
+        payload, share = encode(frame.lit, off, dark == "own", bright, self.plan)
         row = self._new_row(
             "lit", frame, dark, payload, settings_to_json(frame.settings), seen.noise, seen.level
         )
@@ -220,7 +219,7 @@ class Scan:
             raise InputError(f"{self.path}: no (second) texture for step {step}")
         self._check_picture(picture, f"texture of step {step}")
         whole = _whole(self.plan)
-        payload, _ = encode(picture, None, False, np.zeros((1, 1)), 0.0, whole)
+        payload, _ = encode(picture, None, False, 0.0, whole)
         frame = Frame(step, "", picture, commanded=commanded, time=time)
         text = settings_to_json(settings)
         row = self._new_row("texture", frame, "none", payload, text, math.nan, math.nan)
@@ -246,7 +245,7 @@ class Scan:
             raise InputError(f"{self.path}: no (second) background for laser {laser!r}")
         self._check_picture(picture, f"background of laser {laser}")
         whole = _whole(self.plan)
-        payload, _ = encode(picture, None, False, np.zeros((1, 1)), 0.0, whole)
+        payload, _ = encode(picture, None, False, 0.0, whole)
         frame = Frame(0, laser, picture)
         row = self._new_row("background", frame, "none", payload, "{}", math.nan, math.nan)
         self._insert(row, payload)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Image
+from turnscan.arrays import Bools, Image
 
 Pixels = npt.NDArray[Any]
 
@@ -19,6 +20,10 @@ LEAST_THRESHOLD = 3.0
 """Grey levels; the automatic threshold is not below."""
 SAMPLES = 20_000
 """Pixels, about, that are enough for a median."""
+
+
+_IN_CACHE = 1 << 17
+"""Bytes of a picture that are compared at a time."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,45 @@ def signal_of(lit: Image, dark: Image | None, weights: tuple[float, ...] | None)
     )
 
 
+def above(
+    lit: Image, dark: Image | None, weights: tuple[float, ...] | None, threshold: float
+) -> Bools:
+    """(H, W) True where `signal_of` the pictures is above the threshold.
+
+    Grey pictures are compared some lines at a time, which stay in the processor's cache.
+    """
+    if lit.dtype.kind != "u" or weights is not None or (dark is not None and threshold < 0.0):
+        return np.asarray(signal_of(lit, dark, weights) > threshold)
+    least = math.floor(threshold)
+    if dark is None:
+        return np.asarray(lit > least)
+    out = np.empty(lit.shape, np.bool_)
+    added = np.empty((max(1, _IN_CACHE // lit[:1].nbytes), *lit.shape[1:]), lit.dtype)
+    for k in range(0, len(lit), len(added)):
+        some = added[: len(lit) - k]
+        off = dark[k : k + len(some)]
+        np.maximum(lit[k : k + len(some)], off, out=some)
+        some -= off
+        np.greater(some, least, out=out[k : k + len(some)])
+    return out
+
+
+def sample(picture: Pixels) -> Pixels:
+    """(k, 1, C): some `SAMPLES` pixels of a picture, evenly spread; of a sample all."""
+    planes = picture.reshape(picture.shape[0] * picture.shape[1], 1, -1)
+    return np.asarray(planes[:: _stride(len(planes))])
+
+
+def sampled_signal(lit: Image, dark: Image | None, weights: tuple[float, ...] | None) -> Pixels:
+    """(k, 1): `signal_of` the `sample` of pictures, of which `statistics` says the same."""
+    off = None if dark is None else sample(dark)
+    return signal_of(sample(lit), off, weights).reshape(-1, 1)
+
+
+def _stride(pixels: int) -> int:
+    return max(1, pixels // SAMPLES) | 1  # odd: meets every column and row parity
+
+
 def statistics(signal: Pixels) -> Statistics:
     """Median and robust standard deviation of a signal, from about 20 000 of its pixels.
 
@@ -49,8 +93,7 @@ def statistics(signal: Pixels) -> Statistics:
     each were spread evenly over its own grey level: smooth in the true noise, also below one.
     """
     flat = signal.ravel()
-    stride = max(1, flat.size // SAMPLES) | 1  # odd: meets every column and row parity
-    values, counts = np.unique(flat[::stride], return_counts=True)
+    values, counts = np.unique(flat[:: _stride(flat.size)], return_counts=True)
     if len(values) == 1:
         return Statistics(float(values[0]), 0.0)
     edges = np.concatenate(([values[0] - 0.5], (values[1:] + values[:-1]) / 2, [values[-1] + 0.5]))
