@@ -15,6 +15,9 @@ _TOGETHER = 64
 """Steps whose points are computed at a time."""
 _LEAST = 0.2
 """Share of a point's sigma below which none is believed: normals are not known better."""
+_NOISE = 1.3
+"""Usual sigmas that noise makes: what a point claims beyond comes from edges, creases and veils.
+There a centre is off the same way as those beside it, and the plane through them is no surface."""
 _SHEET = 2_000
 """Points that are enough to tell a laser's sheet …"""
 _FLAT = 0.05
@@ -25,8 +28,9 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     """(s, n) mm: standard uncertainty of each point along the surface's normal, NaN where missing.
 
     A stripe's centre moves its point along the laser's sheet (`RangeGrid.sigma`); of that, what
-    leads along the surface is no error of the surface. As it is where the camera's place or the
-    sheet is not known.
+    leads along the surface is no error of the surface. Where a point or those about it claim more
+    than noise makes, the plane through them may lie otherwise by as much. As it is where the
+    camera's place or the sheet is not known.
     """
     from turnscan.points import _normal_kernels as kernels
 
@@ -42,6 +46,8 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     known = grid.sigma[found]
     least = _STEADY * float(np.nanmedian(known)) if np.isfinite(known).any() else 0.0
     share, far = np.empty(found.shape), max(least, 1e-9)
+    usual_sigma = least / _STEADY
+    doubt = np.sqrt(np.maximum(np.nan_to_num(grid.sigma) ** 2 - (_NOISE * usual_sigma) ** 2, 0.0))
 
     def part(first: int, end: int) -> None:
         there, X = found[first:end], grid.points[first:end]
@@ -49,7 +55,7 @@ def normal_sigma(grid: RangeGrid) -> Floats:
         along = _along(sheet[step], all_eyes[step] - X[there], all_eyes[step])
         length = np.linalg.norm(along, axis=1, keepdims=True)
         moves[first:end][there] = along / np.maximum(length, 1e-12)
-        kernels.shares(grid.points, moves, arc, far, grid.closed, (first, end), share)
+        kernels.shares(grid.points, doubt, moves, arc, far, grid.closed, (first, end), share)
 
     in_parts(part, len(found), -(-len(found) // _TOGETHER))
     return np.asarray(grid.sigma * np.maximum(share, _LEAST))
