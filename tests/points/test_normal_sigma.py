@@ -67,7 +67,16 @@ def test_noise_raises_no_share_and_an_edge_has_that_of_its_worse_side(bend, want
     points[..., 2] += rng.normal(0.0, 0.08, (steps, lines))
     moves = np.tile([np.sqrt(0.75), 0.0, 0.5], (steps, lines, 1))
     share = np.empty((steps, lines))
-    kernels.shares(points, moves, np.full(share.shape, apart), 0.64, False, (0, steps), share)
+    kernels.shares(
+        points,
+        np.zeros(share.shape),
+        moves,
+        np.full(share.shape, apart),
+        0.64,
+        False,
+        (0, steps),
+        share,
+    )
     middle = share[10, 20:-20]
     assert np.median(middle) == pytest.approx(wanted, abs=0.03)
 
@@ -80,5 +89,27 @@ def test_the_error_of_a_point_does_not_change_what_is_claimed_of_it():
     moves = np.tile([0.5, 0.0, np.sqrt(0.75)], (21, 200, 1))
     points[10, 100] += 0.05 * moves[10, 100]
     share = np.empty((21, 200))
-    kernels.shares(points, moves, np.full(share.shape, 1.0), 0.64, False, (0, 21), share)
+    kernels.shares(
+        points, np.zeros(share.shape), moves, np.full(share.shape, 1.0), 0.64, False, (0, 21), share
+    )
     assert share[10, 100] == pytest.approx(np.sqrt(0.75), abs=1e-12)
+
+
+@pytest.mark.parametrize("doubted", [0.0, 0.2, 1.0, 5.0])
+def test_the_plane_through_doubted_points_may_lie_otherwise_by_as_much(doubted):
+    """A veil: a plane that leads along the way of its points' errors. None of it is a surface."""
+    points = np.empty((21, 200, 3))
+    points[..., 0], points[..., 1] = 1.0 * np.arange(21)[:, None], 0.4 * np.arange(200)
+    points[..., 2] = 0.0
+    moves = np.tile([0.98, 0.0, np.sqrt(1 - 0.98**2)], (21, 200, 1))
+    doubt = np.zeros((21, 200))
+    doubt[8:13] = doubted
+    share, arcs = np.empty((21, 200)), np.full((21, 200), 1.0)
+    kernels.shares(points, doubt, moves, arcs, 0.64, False, (0, 21), share)
+    assert share[3, 20:-20] == pytest.approx(moves[0, 0, 2], abs=1e-12), "far from what is doubted"
+    # Profiles 2 mm apart, both ends off by the doubt, tilt their chord by so much.
+    tilt = np.sqrt(2) * doubted / 2.0
+    most = np.arctan2(moves[0, 0, 2], max(moves[0, 0, 0] - tilt, 0.0))
+    assert (share[10, 20:-20] <= 1.0).all()
+    assert np.median(share[10]) >= 0.97 * np.sin(most)
+    assert (np.median(share[10]) > 0.99) == (doubted >= 5.0)

@@ -99,6 +99,20 @@ def test_a_width_is_the_middle_of_five_of_its_run():
     assert steady[[6, 7, 8]] == pytest.approx([7, 7, 7])
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("reach", [2, 7, 40])
+def test_the_usual_width_is_the_median_of_a_window_gaps_left_out(seed, reach):
+    rng = np.random.default_rng(seed)
+    width = np.round(rng.uniform(1.0, 3.0, (4, 30)), 1)
+    width[rng.random(width.shape) < 0.3] = np.nan
+    width[3] = np.nan
+    out = kernels.usual(width, reach)
+    assert np.array_equal(np.isnan(out), np.isnan(width))
+    for k, j in np.argwhere(~np.isnan(width)):
+        about = width[k, max(0, j - reach) : j + reach + 1]
+        assert out[k, j] == pytest.approx(np.nanmedian(about), abs=1e-12)
+
+
 def test_a_cut_gaussian_is_as_far_off_as_its_width_says():
     """Of a Gaussian cut off c sigma beyond its middle, λ = φ(c)/Φ(c) off, √(1 − cλ − λ²) wide."""
     c = np.linspace(-0.2, 1.6, 30)
@@ -454,6 +468,41 @@ def lit_by_a_sheet(rig, stripes, angles, middle, radius=20.0):
         met = ray * (np.sum(X * normal, -1) / np.sum(ray * normal, -1))[:, None]
         out.append(replace(stripe, width=0.5 / np.abs(rig.sheet("L0").distance(met))))
     return out
+
+
+def slanted_veil(rise: float) -> tuple[LitPoints, np.ndarray]:
+    """A wall before another, the edge between them slanting, and a veil that joins them along it,
+    ``rise`` mm back for each mm aside; and where that is. Every stripe is as wide as is due."""
+    steps, lines = 60, 90
+    x = 0.5 * (np.arange(steps) - steps / 2)[:, None] + np.zeros((steps, lines))
+    z = 0.3 * np.arange(lines) + np.zeros((steps, lines))
+    along = x - 15.0 + z
+    veil = (along > 0) & (along < 3.0)
+    sheets = np.tile([np.cos(0.4), np.sin(0.4), 0.0], (steps, lines, 1))
+    walk = 0.2 * (np.cos(0.4) + np.where(veil, rise, 0.0) * np.sin(0.4))
+    light = LitPoints(
+        np.stack([x, 40.0 + rise * np.clip(along, 0.0, 3.0), z], -1),
+        np.tile([0.0, -5e5, 1.5], (steps, 1)),
+        np.tile([0.2, 0.0, 0.0], (steps, lines, 1)),
+        sheets,
+        0.4 / walk,
+        np.full((steps, lines), 100.0),
+        0.5 / 40.0 * np.arange(steps),
+        False,
+    )
+    return light, veil
+
+
+def test_a_veil_between_two_walls_is_doubted_although_its_own_plane_makes_it_narrow():
+    light, veil = slanted_veil(2.0)
+    told = wholeness(light)
+    middle = veil & np.roll(veil, 2, 1) & np.roll(veil, -2, 1)
+    assert np.median(told.doubt[middle]) > 0.3 * np.median(light.width)
+    walls = ~(veil | np.roll(veil, 7, 1) | np.roll(veil, -7, 1))
+    walls &= ~(np.roll(veil, 5, 0) | np.roll(veil, -5, 0))
+    assert not told.doubt[walls].any()
+    whole = slanted_veil(0.1)[0]
+    assert not wholeness(whole).doubt[middle].any(), "hardly narrower: a wall like the others"
 
 
 @pytest.mark.parametrize("end", [0, -1])

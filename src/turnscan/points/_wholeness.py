@@ -62,6 +62,9 @@ _CREASE = 0.4
 difference of the widths that it has on either: 1/√(2π)."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
+_ABOUT, _FEWEST_LINES, _MOST_LINES = 12.0, 4, 60
+"""Thicknesses of the sheet, and lines, at least and at most, to either side in which the usual
+width of a profile is that of whole stripes: a veil is shorter."""
 _REACH = 2.5
 """Thicknesses of the sheet beyond which a surface no longer adds to a stripe."""
 _TILTED = 4.0
@@ -126,7 +129,8 @@ def wholeness(light: LitPoints) -> Wholeness:
     cut off on that side, which tells how far its centre is off. In steps longer than a few
     thicknesses of the sheet that is doubt alone, and no centre is moved. A stripe that is much
     fainter there than on the surface beside is the tail of one whose middle passes by.
-    What is narrower near any end than the stripes further in is doubted, too (`_ended`).
+    What is narrower near any end than the stripes further in is doubted, too (`_ended`), and what is
+    narrower than most of its profile about it (`_narrow`).
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -163,7 +167,9 @@ def wholeness(light: LitPoints) -> Wholeness:
         shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
 
     in_parts(part, size, -(-size // _TOGETHER))
-    doubt = np.maximum(doubt, _ended(light, width, arcs, thickness) - np.abs(shift))
+    sizes = _apart_along(light.points), thickness
+    more = np.maximum(_ended(light, width, arcs, sizes), _narrow(width, sizes))
+    doubt = np.maximum(doubt, more - np.abs(shift))
     return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0)
 
 
@@ -268,20 +274,19 @@ def _arcs(light: LitPoints) -> Floats:
     return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
 
 
-def _ended(light: LitPoints, steadied: Floats, arcs: Floats, thickness: float) -> Floats:
+def _ended(light: LitPoints, steadied: Floats, arcs: Floats, sizes: tuple[float, float]) -> Floats:
     """(s, n) px that stripes may be off which are narrower, near an end of what is seen, than those
     further in: something cuts them there.
 
     Where that goes on from profile to profile, the cut stripes make a surface of their own, which
     runs along the rays to the edge, and their width is due on it. Stripes further in know better.
+    ``sizes`` mm: how far points of a profile usually are from each other, and how thick the sheet.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
-    out = np.empty((2, *light.width.shape))
-    gaps = np.concatenate(in_parts(lambda a, b: _gaps(light.points[a:b]), len(out[0])))
-    if not thickness > 0 or not len(gaps):
+    if not min(sizes) > 0:
         return np.zeros_like(steadied)
-    sizes = float(np.median(gaps)), thickness
+    out = np.empty((2, *light.width.shape))
 
     def part(first: int, end: int) -> None:
         places = light.points, light.eyes, light.sheets, arcs
@@ -291,6 +296,34 @@ def _ended(light: LitPoints, steadied: Floats, arcs: Floats, thickness: float) -
 
     in_parts(part, len(steadied))
     return np.asarray(np.nan_to_num(_bias(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
+
+
+def _narrow(steadied: Floats, sizes: tuple[float, float]) -> Floats:
+    """(s, n) px that stripes may be off which are narrower than most of their profile about them.
+
+    A veil, the stripes that an edge cuts from line to line on the way from a near surface to one
+    behind it, runs along the rays, and stripes are due to be as narrow as they are on it. Nothing
+    ends there either. A surface that is so steep is rare, and is known no better. ``sizes`` as
+    those of `_ended`.
+    """
+    from turnscan.points import _wholeness_kernels as kernels
+
+    if not min(sizes) > 0:
+        return np.zeros_like(steadied)
+    reach = int(np.clip(_ABOUT * sizes[1] / sizes[0], _FEWEST_LINES, _MOST_LINES))
+
+    def part(first: int, end: int) -> Floats:
+        own = steadied[first:end]
+        usual = kernels.usual(own, reach)
+        return np.nan_to_num(_bias(np.minimum(own / usual, 1.0), _SURE_END) * usual)
+
+    return np.concatenate(in_parts(part, len(steadied)))
+
+
+def _apart_along(points: Floats) -> float:
+    """mm: how far points of a profile (s, n, 3) usually lie apart; 0 where there are none."""
+    gaps = np.concatenate(in_parts(lambda a, b: _gaps(points[a:b]), len(points)))
+    return float(np.median(gaps)) if len(gaps) else 0.0
 
 
 def _gaps(points: Floats) -> Floats:

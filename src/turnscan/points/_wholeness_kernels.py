@@ -57,6 +57,45 @@ def steady(width: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
+def _put(some: Floats, count: int, value: float) -> None:
+    """Put a value into the first ``count`` of an array, which are in order."""
+    place = count
+    while place > 0 and some[place - 1] > value:
+        some[place] = some[place - 1]
+        place -= 1
+    some[place] = value
+
+
+@njit(cache=True, nogil=True)
+def _take(some: Floats, count: int, value: float) -> None:
+    """Take a value that is there out of the first ``count`` of an array, which are in order."""
+    place = np.searchsorted(some[:count], value)
+    for i in range(place, count - 1):
+        some[i] = some[i + 1]
+
+
+@njit(cache=True, nogil=True)
+def usual(width: Floats, reach: int) -> Floats:
+    """(s, n) the median of the widths up to ``reach`` lines off in a profile, gaps left out; NaN
+    where no width is."""
+    s, n = width.shape
+    out = np.full((s, n), np.nan)
+    some = np.empty(2 * reach + 2)
+    for k in range(s):
+        have = 0
+        for j in range(-reach, n):
+            if j + reach < n and not np.isnan(width[k, j + reach]):
+                _put(some, have, width[k, j + reach])
+                have += 1
+            if j - reach - 1 >= 0 and not np.isnan(width[k, j - reach - 1]):
+                _take(some, have, width[k, j - reach - 1])
+                have -= 1
+            if j >= 0 and not np.isnan(width[k, j]):
+                out[k, j] = (some[(have - 1) // 2] + some[have // 2]) / 2
+    return out
+
+
+@njit(cache=True, nogil=True)
 def dot(a: Vector, b: Vector) -> float:
     """Their scalar product; kernels keep vectors in registers, arrays would be made on the heap."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
