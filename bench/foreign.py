@@ -6,8 +6,8 @@ other people that lie in ``../shared/data/parts``, on both rigs with two lasers 
 steps, the rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts the
 table into docs/explain/accuracy.md. ``python -m bench.foreign --keep FOLDER`` keeps the simulated
 scans there and finds them again, ``--only KIND …`` takes these random shapes alone, ``--each 2``
-the first two of each kind and no parts of other people, ``--seeds 203 204`` those of each kind,
-``--rigs`` and ``--steps`` some of those.
+the first two of each kind and no parts of other people, ``--seeds 203 212`` those of each kind,
+also such as are drawn for nothing else, ``--rigs`` and ``--steps`` some of those.
 """
 
 from __future__ import annotations
@@ -204,11 +204,9 @@ def rows(
     seeds: Sequence[int] = (),
 ) -> Iterator[Row]:
     """All shapes on each rig, or the random ones of some kinds and ``seeds``."""
-    every = [
-        (f"{name} {seed}", drawn(name, seed, folder))
-        for name, seed in SHAPES
-        if (not only or name in only) and (not seeds or seed in seeds)
-    ]
+    kinds = dict.fromkeys(name for name, _ in SHAPES if not only or name in only)
+    some = product(kinds, seeds) if seeds else (s for s in SHAPES if s[0] in kinds)
+    every = [(f"{name} {seed}", drawn(name, seed, folder)) for name, seed in some]
     every += [] if only or seeds else others(folder)
     for rig, count, (name, path) in product(rigs, steps, every):
         spec = SimulationSpec(str(path), rig, lasers=2, steps=count)

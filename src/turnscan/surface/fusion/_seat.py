@@ -17,7 +17,7 @@ _ALIKE = 0.7
 """Cosine between the normals of a vertex and of the point that it goes onto."""
 _TURN = 0.3
 """Cosine: no face may turn further, as in a decimation."""
-_DOUBT = 10.0
+_DOUBT = 20.0
 """Usual sigma of a point beyond which it takes no vertex: a merge believes no worse."""
 
 
