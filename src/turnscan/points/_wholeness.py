@@ -129,8 +129,8 @@ def wholeness(light: LitPoints) -> Wholeness:
     cut off on that side, which tells how far its centre is off. In steps longer than a few
     thicknesses of the sheet that is doubt alone, and no centre is moved. A stripe that is much
     fainter there than on the surface beside is the tail of one whose middle passes by.
-    What is narrower near any end than the stripes further in is doubted, too (`_ended`), and what is
-    narrower than most of its profile about it (`_narrow`).
+    What is narrower near any end than the stripes further in is doubted, too (`_ended`), and what
+    is narrower than most of its profile about it (`_narrow`).
     """
     from turnscan.points import _wholeness_kernels as kernels
 
