@@ -44,7 +44,7 @@ def _tangents(
 def _across_of(a: Vector, unit: Vector) -> float:
     """How long the part of a vector is that is square to a unit one."""
     along = dot(a, unit)
-    return np.sqrt(max(dot(a, a) - along * along, 0.0))
+    return float(np.sqrt(max(dot(a, a) - along * along, 0.0)))
 
 
 @njit(cache=True, nogil=True)
