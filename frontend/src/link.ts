@@ -73,8 +73,17 @@ export class Link {
     };
   }
 
-  /** Send a request; resolves with its answer, rejects with `RefusedError`. */
+  /**
+   * Send a request; resolves with its answer, rejects with `RefusedError`. Where its scan was closed
+   * meanwhile, it is opened again first; an edit is up to the caller, since it names a revision.
+   */
   request(request: Request, arrays: Record<string, AnyArray> = {}): Promise<Received> {
+    const ask = () => this.once(request, arrays);
+    if (!("scan" in request) || typeof request.scan !== "string" || request.kind === "edit") return ask();
+    return openedFor(request.scan, ask, Object.keys(arrays).length > 0);
+  }
+
+  private once(request: Request, arrays: Record<string, AnyArray>): Promise<Received> {
     const id = this.nextId++;
     return new Promise((resolve, reject) => {
       const bytes = Object.values(arrays).reduce((sum, array) => sum + array.byteLength, 0);
@@ -168,6 +177,30 @@ export async function http(path: string, init: RequestInit = {}): Promise<Respon
   throw new RefusedError(problem.code, problem.text, problem.hint);
 }
 
-export async function getArrays<H>(path: string): Promise<Message<H>> {
-  return unpack<H>(await (await http(path)).arrayBuffer());
+/** How a scan is opened again that was closed to make room; whether its faces have the numbers they had. */
+export const reopening: { of: ((scan: string) => Promise<boolean>) | null } = { of: null };
+
+/** Ask of a scan; where it is not open any more, once again when it is. */
+export async function openedFor<T>(scan: string, ask: () => Promise<T>, numbered: boolean): Promise<T> {
+  try {
+    return await ask();
+  } catch (error) {
+    if (!(error instanceof RefusedError && error.code === "not-open" && reopening.of)) throw error;
+    const same = await reopening.of(scan);
+    if (same || !numbered) return ask();
+    throw new RefusedError(
+      "stale",
+      "The scan was closed to make room, and opened again; nothing was changed.",
+      "Select again, then repeat.",
+    );
+  }
+}
+
+const OF_SCAN = /^api\/scans\/([^/]+)\//;
+
+/** What is large; `again` opens its scan again where it was closed meanwhile. */
+export async function getArrays<H>(path: string, again = true): Promise<Message<H>> {
+  const ask = async () => unpack<H>(await (await http(path)).arrayBuffer());
+  const scan = again && OF_SCAN.exec(path)?.[1];
+  return scan ? openedFor(scan, ask, false) : ask();
 }

@@ -3,7 +3,7 @@ import { batch, computed, effect, signal } from "@preact/signals";
 import { link, on } from "./bus";
 import type { AnyArray, Arrays } from "./envelope";
 import { Grid } from "./grid/data";
-import { getArrays, type Received, RefusedError } from "./link";
+import { getArrays, openedFor, type Received, RefusedError, reopening } from "./link";
 import { type MeshArrays, MeshModel, type Part, plainMesh } from "./mesh/model";
 import { Profile } from "./profile/data";
 import type {
@@ -109,6 +109,55 @@ async function open(scan: string): Promise<void> {
   }
 }
 
+/** Open a scan on the server, and wait until it is. */
+export function openScan(scan: string): Promise<Opened> {
+  return new Promise((done, fail) => {
+    const end = (error: Error | null, message?: Opened) => {
+      for (const stop of stops) stop();
+      if (message) done(message);
+      else if (error) fail(error);
+    };
+    const stops = [
+      on("opened", (message) => message.scan === scan && end(null, message)),
+      on("job", (message) => {
+        if (message.what !== "open" || message.scan !== scan) return;
+        if (message.state === "failed" || message.state === "cancelled")
+          end(new RefusedError(message.state, message.text, message.hint));
+      }),
+    ];
+    link.request({ kind: "open", scan }).catch(end);
+  });
+}
+
+/** The scans that are being opened again. */
+const openedAgain = new Map<string, Promise<boolean>>();
+
+/** Open a scan that the server has closed to make room; whether the faces on the screen are still its own. */
+function reopen(scan: string): Promise<boolean> {
+  const known = openedAgain.get(scan);
+  if (known) return known;
+  const mine = takeAgain(scan).finally(() => openedAgain.delete(scan));
+  openedAgain.set(scan, mine);
+  return mine;
+}
+
+async function takeAgain(scan: string): Promise<boolean> {
+  const before = mesh.value;
+  const here = () => opened.value?.scan === scan;
+  if (!here()) {
+    await openScan(scan);
+    return false;
+  }
+  notify("note", `${scanName.value} was closed to make room for other scans; it is opened again.`);
+  loading.value = "Opening again";
+  try {
+    await show(await openScan(scan));
+  } finally {
+    if (here()) loading.value = null;
+  }
+  return here() && before !== null && before === mesh.value;
+}
+
 async function show(message: Opened): Promise<void> {
   if (message.scan !== place.value.scan) return;
   const same = opened.value?.scan === message.scan;
@@ -159,13 +208,17 @@ async function fetchMeshOf(message: { scan: string; revision: number; epoch: num
 async function takeMesh(scan: string): Promise<void> {
   try {
     loading.value ??= "Loading the surface";
-    const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/mesh`);
+    // Whoever opens it again waits for this.
+    const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/mesh`, false);
     if (opened.value?.scan !== scan) return;
     revision = header.revision;
     epoch = header.epoch;
     lasers.value = header.lasers;
-    mesh.value = modelOf(arrays);
-    changed(null);
+    const next = modelOf(arrays);
+    if (!mesh.value?.equals(next)) {
+      mesh.value = next;
+      changed(null);
+    }
     firstSurface.value = null;
   } catch (error) {
     complain(error);
@@ -231,6 +284,18 @@ export type EditValue = { kind: string } & Record<string, unknown>;
 
 /** Of each scan with edits or steps of the history under way: whether the last of them was done. */
 const lastEdits = new Map<string, Promise<boolean>>();
+/** How many edits of each scan are under way. */
+const editing = signal<ReadonlyMap<string, number>>(new Map());
+/** There is something to undo, or will be once the edits that it waits for are done. */
+export const canUndo = computed(() => cursor.value > 0 || editing.value.has(opened.value?.scan ?? ""));
+
+function countEdits(scan: string, by: number): void {
+  const next = new Map(editing.peek());
+  const left = (next.get(scan) ?? 0) + by;
+  if (left) next.set(scan, left);
+  else next.delete(scan);
+  editing.value = next;
+}
 
 /** Ask once what was asked for before of this scan is answered; a step back only if that was done. */
 function inTurn(scan: string, what: string, ask: () => Promise<Received>): Promise<Received> {
@@ -244,7 +309,11 @@ function inTurn(scan: string, what: string, ask: () => Promise<Received>): Promi
     () => (what === "preview" ? before : false),
   );
   lastEdits.set(scan, end);
-  void end.then(() => lastEdits.get(scan) === end && lastEdits.delete(scan));
+  if (what === "edit") countEdits(scan, 1);
+  void end.then(() => {
+    if (lastEdits.get(scan) === end) lastEdits.delete(scan);
+    if (what === "edit") countEdits(scan, -1);
+  });
   return mine;
 }
 
@@ -271,7 +340,8 @@ function editRequest(edit: EditValue, arrays: Record<string, AnyArray>, preview:
         "Select again, then repeat.",
       );
     }
-    return link.request({ kind: "edit", scan, base_revision: revision, edit, preview }, arrays);
+    const send = () => link.request({ kind: "edit", scan, base_revision: revision, edit, preview }, arrays);
+    return openedFor(scan, send, numbered);
   });
 }
 
@@ -432,6 +502,7 @@ export function pictureOf(of: Profile): string {
 
 /** Follow the address and the server's messages: once, after the page's state has begun to. */
 export function startPart(): void {
+  reopening.of = reopen;
   hearServer();
   followPage();
 }

@@ -1,6 +1,6 @@
 /** A page without a browser: the modules of the front end, loaded anew, and a server that the test plays. */
 import { vi } from "vitest";
-import { type AnyArray, pack } from "../src/envelope";
+import { type AnyArray, pack, unpack } from "../src/envelope";
 
 interface Asked {
   id: number;
@@ -12,14 +12,14 @@ class Socket {
   static readonly OPEN = 1;
   static last: Socket;
   readyState = 1;
-  sent: string[] = [];
+  sent: (string | ArrayBuffer)[] = [];
   onopen = () => {};
   onclose = () => {};
   onmessage = (_: { data: string | ArrayBuffer }) => {};
   constructor() {
     Socket.last = this;
   }
-  send(data: string) {
+  send(data: string | ArrayBuffer) {
     this.sent.push(data);
   }
 }
@@ -92,7 +92,9 @@ export async function openPage({ stored = {}, hash = "", light = false }: Partia
   part.startPart();
   link.connect();
   const asked = (kind: string) =>
-    Socket.last.sent.map((text) => JSON.parse(text) as Asked).filter((one) => one.kind === kind);
+    Socket.last.sent
+      .map((data) => (typeof data === "string" ? (JSON.parse(data) as Asked) : unpack<Asked>(data).header))
+      .filter((one) => one.kind === kind);
   return {
     state,
     part,

@@ -160,6 +160,90 @@ describe("a preview of a large scan", () => {
   });
 });
 
+const notOpen = (id: number) => ({ kind: "refused", id, code: "not-open", text: "It is not open.", hint: "" });
+const last = (page: Page, kind: string) => page.asked(kind).at(-1)!;
+
+describe("a scan that was closed to make room", () => {
+  it("is opened again by an edit of selected faces, which is made where they are the same", async () => {
+    const page = await shown();
+    const before = page.part.mesh.value;
+    const heard = vi.fn();
+    page.part.onMesh(heard);
+    const done = page.part.doEdit({ kind: "close_gaps" });
+    await page.settle();
+    await page.say(notOpen(last(page, "edit").id));
+    await page.say({ kind: "started", id: last(page, "open").id, job: "j" });
+    await page.say(opened("cup", 0, 77));
+    await serveMesh(page, "cup", 0, 77);
+    expect(page.asked("edit").map((one) => one.base_revision)).toEqual([3, 0]);
+    await page.say({ kind: "done", id: last(page, "edit").id });
+    expect(await done).toBe(true);
+    expect(page.part.mesh.value).toBe(before);
+    expect(heard).not.toHaveBeenCalled();
+    expect(page.state.notices.value).toMatchObject([{ severity: "note" }]);
+  });
+
+  it.each([
+    [2, "It was not open."],
+    [3, "The scan was closed to make room, and opened again; nothing was changed."],
+  ])("is measured on the same faces alone (%i cells)", async (cells, said) => {
+    const page = await shown();
+    const { link } = await import("../src/bus");
+    const faces = { faces: Uint32Array.of(1) };
+    const asked = link
+      .request({ kind: "measure", scan: "cup", what: "area", places: [] }, faces)
+      .catch((e) => e.message);
+    const sent = link.pending;
+    expect(sent).toBe(1);
+    await page.say(notOpen(2));
+    await page.say({ ...opened("cup", 0, 77), id: last(page, "open").id });
+    await page.serve(meshPath("cup"), header("cup", 0, 77), { ...plate(cells) });
+    if (cells === 2) await page.say({ kind: "refused", id: 4, code: "x", text: "It was not open.", hint: "" });
+    expect(await asked).toBe(said);
+  });
+
+  it("is opened once for all that ask meanwhile, and each asks again", async () => {
+    const page = await shown();
+    const both = [page.part.listHoles(), page.part.listDefects()];
+    await page.settle();
+    for (const kind of ["list_holes", "list_defects"]) await page.say(notOpen(last(page, kind).id));
+    expect(page.asked("open")).toHaveLength(2);
+    await page.say({ ...opened("cup", 0, 77), id: last(page, "open").id });
+    await serveMesh(page, "cup", 0, 77);
+    const revision = 0;
+    await page.say({ kind: "holes", id: last(page, "list_holes").id, scan: "cup", revision, many: 0, holes: [] });
+    await page.say({ kind: "defects", id: last(page, "list_defects").id, scan: "cup", revision, defects: [] });
+    await Promise.all(both);
+    expect(page.part.holes.value).toEqual([]);
+    expect(page.part.defects.value).toEqual([]);
+  });
+
+  it("that does not open any more refuses what was asked", async () => {
+    const page = await shown();
+    const done = page.part.undo();
+    await page.settle();
+    await page.say(notOpen(last(page, "undo").id));
+    await page.say({ kind: "refused", id: last(page, "open").id, code: "gone", text: "It is gone.", hint: "" });
+    await done;
+    expect(page.state.notices.value.map(({ text }) => text)).toContain("It is gone.");
+    expect(page.part.loading.value).toBeNull();
+  });
+});
+
+describe("undo", () => {
+  it("is offered as soon as the first edit is under way, and no more where it is refused", async () => {
+    const page = await shown();
+    expect(page.part.canUndo.value).toBe(false);
+    const done = page.part.doEdit({ kind: "close_gaps" });
+    expect(page.part.canUndo.value).toBe(true);
+    await page.settle();
+    await page.say({ kind: "refused", id: last(page, "edit").id, code: "x", text: "No.", hint: "" });
+    expect(await done).toBe(false);
+    await page.settle();
+    expect(page.part.canUndo.value).toBe(false);
+  });
+});
+
 describe("a patch", () => {
   it("of the next revision changes the mesh in place and says what changed", async () => {
     const page = await shown();

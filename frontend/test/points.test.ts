@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { csvOf, type Picked, readPlace, sideBySide, withPlace } from "../src/verbs/points";
+import { csvOf, fitsOf, type Picked, readPlace, sideBySide, withPlace } from "../src/verbs/points";
 
 const POSES = [
   ["a", "up"],
@@ -40,4 +40,30 @@ test("four poses are side by side; of more, the last place is for one of the res
 test("a place is three numbers", () => {
   expect(readPlace("1, -2.5; 3e1")).toEqual([1, -2.5, 30]);
   for (const text of ["", "1 2", "1 2 3 4", "1, x, 3"]) expect(readPlace(text)).toBeNull();
+});
+
+test("a pose is compared with the first one before it that it shares three points with", () => {
+  const corners = [
+    [0, 0, 0],
+    [10, 0, 0],
+    [0, 20, 0],
+  ] as const;
+  const pair = (one: string, other: string) =>
+    corners.map(
+      ([x, y, z]) =>
+        new Map([
+          [one, [x, y, z]],
+          [other, [5 - y, x + (x ? 0.3 : 0), z]],
+        ]),
+    ) as unknown as Picked[];
+  const [alone] = fitsOf(pair("b", "c"), ["a", "b", "c"]);
+  expect([alone.pose, alone.to, [...alone.off.keys()]]).toEqual(["c", "b", [0, 1, 2]]);
+  expect(Math.max(...alone.off.values())).toBeGreaterThan(0.05);
+  expect(Math.max(...alone.off.values())).toBeLessThan(0.3);
+  const both = fitsOf([...pair("b", "c"), ...pair("a", "c"), ...pair("a", "b")], ["a", "b", "c"]);
+  expect(both.map(({ pose, to }) => [pose, to])).toEqual([
+    ["b", "a"],
+    ["c", "a"],
+  ]);
+  expect(fitsOf(pair("b", "c").slice(1), ["a", "b", "c"])).toEqual([]);
 });

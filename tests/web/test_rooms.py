@@ -24,7 +24,6 @@ from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._step_pictures import StepPictures
 from turnscan.edit import Action, Change, Document
-from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh, write_ply
 from turnscan.mesh import Mesh
@@ -643,8 +642,12 @@ def test_big_scans_make_room_for_each_other_and_their_memory_is_given_back(
         one.open(names["second"])
         assert server.workshop.opened(names["ball"]) is first()
         one.open(names["third"])
-        with pytest.raises(InputError, match="not open"):
-            server.workshop.opened(names["ball"])
+        refused = one.ask("undo", scan=names["ball"])
+        assert (refused["kind"], refused["code"]) == ("refused", "not-open")
+        with server.http(one.cookie) as http:
+            shut = http.get(f"/api/scans/{names['ball']}/mesh")
+            assert (shut.status_code, shut.json()["code"]) == (400, "not-open")
+            assert http.get("/api/scans/nothing/mesh").status_code == 404
         end = time.monotonic() + PATIENCE
         while first() is not None:  # its pictures may still be drawn
             assert time.monotonic() < end, "the document is still held"

@@ -94,6 +94,22 @@ export class MeshModel {
     this.aliveCount = arrays.alive.reduce((sum, one) => sum + one, 0);
   }
 
+  /** Whether another one has the same vertices and faces, by the same numbers. */
+  equals(other: MeshModel): boolean {
+    if (this.vertexCount !== other.vertexCount || this.faceCount !== other.faceCount) return false;
+    const { vertexCount: v, faceCount: f } = this;
+    const pairs = [
+      [this.faces, other.faces, 3 * f],
+      [this.positions, other.positions, 3 * v],
+      [this.alive, other.alive, f],
+      [this.measured, other.measured, f],
+    ] as const;
+    return pairs.every(([a, b, n]) => {
+      for (let i = 0; i < n; i++) if (a[i] !== b[i]) return false;
+      return true;
+    });
+  }
+
   apply(part: Part): void {
     this.version += 1;
     switch (part.kind) {

@@ -1,6 +1,18 @@
 /** The history: a tree of all edits, with names and pictures, any of which can be gone to. */
 import { signal } from "@preact/signals";
-import { branches, cursor, goTo, history, nameEdit, opened, redo, scannedPicture, switchEdit, undo } from "../part";
+import {
+  branches,
+  canUndo,
+  cursor,
+  goTo,
+  history,
+  nameEdit,
+  opened,
+  redo,
+  scannedPicture,
+  switchEdit,
+  undo,
+} from "../part";
 import type { BranchEntry, HistoryEntry } from "../protocol";
 import { isOperator } from "../state";
 import { Button, Section, TextField } from "../ui/controls";
@@ -122,7 +134,7 @@ export function HistoryPanel() {
   return (
     <Section title="History" count={list.length}>
       <div class="grid-2">
-        <Button icon="undo" keys="Ctrl+Z" label="Undo" disabled={at === 0} onClick={() => void undo()}>
+        <Button icon="undo" keys="Ctrl+Z" label="Undo" disabled={!canUndo.value} onClick={() => void undo()}>
           Undo
         </Button>
         <Button icon="redo" keys="Ctrl+Shift+Z" label="Redo" disabled={at >= list.length} onClick={() => void redo()}>

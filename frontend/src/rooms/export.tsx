@@ -1,6 +1,6 @@
 /** Export: the repaired surface as a file for CAD or print. */
 import { signal } from "@preact/signals";
-import { http } from "../link";
+import { http, openedFor } from "../link";
 import { figures, isOpen, opened } from "../part";
 import type { ExportRequest, StartedExport } from "../protocol";
 import { complain, jobs, place } from "../state";
@@ -65,11 +65,14 @@ function newName(part: string, suffix: string): string {
 async function start(): Promise<void> {
   const name = newName(opened.value?.name ?? "part", format.value);
   try {
-    const response = await http(`api/scans/${place.value.scan}/exports`, {
-      method: "POST",
-      headers: { "Content-Type": "application/json" },
-      body: JSON.stringify(request()),
-    });
+    const scan = place.value.scan ?? "";
+    const ask = () =>
+      http(`api/scans/${scan}/exports`, {
+        method: "POST",
+        headers: { "Content-Type": "application/json" },
+        body: JSON.stringify(request()),
+      });
+    const response = await openedFor(scan, ask, false);
     const { job }: StartedExport = await response.json();
     started.value = [{ job, name, at: new Date() }, ...started.value];
   } catch (error) {

@@ -2,7 +2,7 @@
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
-import { cursor, figures, history, holes, isOpen, mark, opened, redo, undo } from "../part";
+import { canUndo, cursor, figures, history, holes, isOpen, mark, opened, redo, undo } from "../part";
 import { refusal, sides, trial } from "../repair/choices";
 import { commands, TOOL_NAMES, take } from "../repair/commands";
 import { CutPanel } from "../repair/cutting";
@@ -73,7 +73,7 @@ function Rail() {
       />
       <Button icon="fit" label="See everything" keys="Shift+F" onClick={() => currentViewport()?.fit()} />
       <hr />
-      <Button icon="undo" label="Undo" keys="Ctrl+Z" disabled={cursor.value === 0} onClick={() => void undo()} />
+      <Button icon="undo" label="Undo" keys="Ctrl+Z" disabled={!canUndo.value} onClick={() => void undo()} />
       <Button
         icon="redo"
         label="Redo"

@@ -1,11 +1,10 @@
 /** Points picked by hand in several poses of a part, by which they are joined. */
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
-import { link, on } from "../bus";
-import { getArrays, RefusedError } from "../link";
+import { getArrays } from "../link";
 import type { MeshModel } from "../mesh/model";
 import { residuals } from "../mesh/rigid";
-import { modelOf } from "../part";
+import { modelOf, openScan } from "../part";
 import type { MeshHeader, VerbEntry } from "../protocol";
 import { complain, scans } from "../state";
 import { Button, Section, SelectField, TextField } from "../ui/controls";
@@ -62,26 +61,6 @@ export function startPoints(): void {
   additions.set("join", withPoints);
 }
 
-/** Open a scan on the server, and wait until it is. */
-function openPose(scan: string): Promise<void> {
-  return new Promise((done, fail) => {
-    const stops = [
-      on("opened", (message) => message.scan === scan && end()),
-      on("job", (message) => {
-        if (message.what !== "open" || message.scan !== scan) return;
-        if (message.state === "failed" || message.state === "cancelled")
-          end(new RefusedError(message.state, message.text, message.hint));
-      }),
-    ];
-    const end = (error?: Error) => {
-      for (const stop of stops) stop();
-      if (error) fail(error);
-      else done();
-    };
-    link.request({ kind: "open", scan }).then(({ header }) => header.kind === "opened" && end(), end);
-  });
-}
-
 function Pose({ scan, choice }: { scan: string; choice: readonly string[] }) {
   const [mesh, set] = useState<MeshModel | null>(null);
   const [failed, say] = useState("");
@@ -89,7 +68,7 @@ function Pose({ scan, choice }: { scan: string; choice: readonly string[] }) {
     let left = false;
     set(null);
     say("");
-    openPose(scan)
+    openScan(scan)
       .then(() => getArrays<MeshHeader>(`api/scans/${scan}/mesh`))
       .then(({ arrays }) => left || set(modelOf(arrays)))
       .catch((error: Error) => {
@@ -182,19 +161,37 @@ export function misfits(points: readonly Picked[], one: string, other: string): 
   return new Map(rows.map((row, k) => [row, off[k]]));
 }
 
+/** Of each pose that shares enough points with one before it: that one, and how far each is off. */
+export function fitsOf(points: readonly Picked[], poses: readonly string[]): readonly FitOf[] {
+  return poses.flatMap((pose, k) => {
+    for (const to of poses.slice(0, k)) {
+      const off = misfits(points, to, pose);
+      if (off.size) return [{ pose, to, off }];
+    }
+    return [];
+  });
+}
+
+interface FitOf {
+  pose: string;
+  /** The first one that it shares enough points with. */
+  to: string;
+  /** mm by the row */
+  off: ReadonlyMap<number, number>;
+}
+
 function PointRows({ poses }: { poses: readonly string[] }) {
-  const [first, ...others] = poses;
-  const off = others.map((pose) => [pose, misfits(picked.value, first, pose)] as const);
+  const fits = fitsOf(picked.value, poses);
   return (
     <ul class="list whole points" aria-label="Picked points">
       {picked.value.map((one, row) => (
         <li key={row}>
           <strong class="num">{row + 1}</strong>
-          {off.map(
-            ([pose, apart]) =>
-              apart.has(row) && (
+          {fits.map(
+            ({ pose, off }) =>
+              off.has(row) && (
                 <span key={pose} class="num" title="Distance between the two places when the poses are moved together">
-                  {others.length > 1 && `${nameOf(pose)} `}off {apart.get(row)!.toFixed(2)} mm
+                  {poses.length > 2 && `${nameOf(pose)} `}off {off.get(row)!.toFixed(2)} mm
                 </span>
               ),
           )}
@@ -221,22 +218,20 @@ function PointRows({ poses }: { poses: readonly string[] }) {
   );
 }
 
-/** How well the picked points fit, before anything is joined: of each pose to the first. */
+/** How well the picked points fit, before anything is joined: of each pose to one before it. */
 function Fit({ poses }: { poses: readonly string[] }) {
-  const [first, ...others] = poses;
-  const fits = others.flatMap((pose) => {
-    const off = [...misfits(picked.value, first, pose).entries()];
-    if (!off.length) return [];
-    const rms = Math.sqrt(off.reduce((sum, [, one]) => sum + one * one, 0) / off.length);
-    return [{ pose, rms, worst: off.reduce((a, b) => (b[1] > a[1] ? b : a)) }];
+  const fits = fitsOf(picked.value, poses).map(({ pose, to, off }) => {
+    const all = [...off];
+    const rms = Math.sqrt(all.reduce((sum, [, one]) => sum + one * one, 0) / all.length);
+    return { pose, to, rms, worst: all.reduce((a, b) => (b[1] > a[1] ? b : a)) };
   });
   if (!fits.length) return null;
   return (
     <div role="status" aria-label="Fit of the picked points">
-      {fits.map(({ pose, rms, worst: [row, most] }) => (
+      {fits.map(({ pose, to, rms, worst: [row, most] }) => (
         <p key={pose} class="num">
-          {others.length > 1 ? `${nameOf(pose)}: the` : "The"} points fit to {rms.toFixed(2)} mm (rms); the worst is
-          point {row + 1}, {most.toFixed(2)} mm.
+          {poses.length > 2 ? `${nameOf(pose)} on ${nameOf(to)}: the` : "The"} points fit to {rms.toFixed(2)} mm (rms);
+          the worst is point {row + 1}, {most.toFixed(2)} mm.
         </p>
       ))}
     </div>

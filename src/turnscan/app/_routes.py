@@ -29,7 +29,7 @@ from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, ScanError
 from turnscan.memory import give_back
-from turnscan.workflows import TARGET, artefact, duplicate_scan, mesh_file_arrays
+from turnscan.workflows import TARGET, NotOpen, artefact, duplicate_scan, mesh_file_arrays
 
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
@@ -397,6 +397,8 @@ def _download(workshop: Workshop) -> Endpoint:
 def _opened(workshop: Workshop, request: Request) -> OpenScan:
     try:
         return workshop.opened(request.path_params["scan"])
+    except NotOpen:
+        raise
     except InputError:
         raise HTTPException(404) from None
 

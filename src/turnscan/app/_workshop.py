@@ -35,7 +35,7 @@ from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.memory import give_back
 from turnscan.progress import Cancelled
-from turnscan.workflows import EditChanges, Stale, edits, read_rig_file
+from turnscan.workflows import EditChanges, NotOpen, Stale, edits, read_rig_file
 
 _log = logging.getLogger("turnscan.app")
 _FILES = ("folder", "video")
@@ -245,11 +245,12 @@ class Workshop:
             return frozenset(self._scans)
 
     def opened(self, name: str) -> OpenScan:
-        """A scan that is open. Raises InputError where it is not."""
+        """A scan that is open. Raises NotOpen where it is not, InputError where there is none."""
         with self._lock:
             scan = self._scans.get(name)
         if scan is None:
-            raise InputError("this scan is not open", hint="open it first")
+            self.library.path(name)
+            raise NotOpen("this scan is not open", hint="open it first")
         return scan
 
     def tell_scans(self) -> None:

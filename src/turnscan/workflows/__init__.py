@@ -125,7 +125,13 @@ if TYPE_CHECKING:
     from turnscan.workflows._session_grid import CAUSE_TEXTS
     from turnscan.workflows._session_history import HistoryRow
     from turnscan.workflows._session_mesh import SurfacePatch, mesh_file_arrays
-    from turnscan.workflows._session_state import PlacedFinding, SessionChange, SessionState, Stale
+    from turnscan.workflows._session_state import (
+        NotOpen,
+        PlacedFinding,
+        SessionChange,
+        SessionState,
+        Stale,
+    )
     from turnscan.workflows._shapes import FoundShapes, find_shapes
     from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
     from turnscan.workflows._shapes_step import check_step
@@ -258,7 +264,7 @@ _MODULES = {
     "_session_grid": ("CAUSE_TEXTS",),
     "_session_history": ("HistoryRow",),
     "_session_mesh": ("SurfacePatch", "mesh_file_arrays"),
-    "_session_state": ("PlacedFinding", "SessionChange", "SessionState", "Stale"),
+    "_session_state": ("NotOpen", "PlacedFinding", "SessionChange", "SessionState", "Stale"),
     "_live_calibration": (
         "CELL_COLUMNS",
         "CELL_ROWS",
@@ -377,6 +383,7 @@ __all__ = [
     "MarkerAngles",
     "MeasureOptions",
     "Measured",
+    "NotOpen",
     "OpenScan",
     "Opened",
     "OptionsOf",

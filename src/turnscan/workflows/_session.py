@@ -81,6 +81,7 @@ from turnscan.workflows._session_nothing import Left, nothing_made
 from turnscan.workflows._session_settings import ShownSettings, shown_settings
 from turnscan.workflows._session_shapes import ShownShapes, shown_shapes
 from turnscan.workflows._session_state import (
+    NotOpen,
     PlacedFinding,
     SessionChange,
     SessionState,
@@ -160,10 +161,10 @@ class ScanSession:
 
     @contextlib.contextmanager
     def _open(self) -> Iterator[None]:
-        """The scan, for one alone. Raises InputError where it was closed while one waited."""
+        """The scan, for one alone. Raises NotOpen where it was closed while one waited."""
         with self._lock:
             if self._closed:
-                raise InputError(
+                raise NotOpen(
                     "this scan was closed meanwhile; nothing was changed", hint="open it again"
                 )
             yield

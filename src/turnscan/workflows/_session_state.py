@@ -21,6 +21,10 @@ from turnscan.workflows._session_measures import KeptMeasure
 from turnscan.workflows._session_mesh import Arrays, SurfacePatch, surface_patches
 
 
+class NotOpen(InputError):
+    """What was asked of a scan that is not open, or was closed meanwhile, was not done."""
+
+
 class Stale(InputError):
     """The edit was made on a surface that has changed since."""
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
+from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import DEADLINE, OPENING, steady, until
 from tests.app.e2e.cup import write_whole_cup
@@ -255,8 +256,12 @@ def test_a_large_scan_is_looked_at_before_the_whole_of_it_is_there(new_page, fol
         "whoever has turned it looks the same way"
     )
     assert not said.is_visible()
+    delete = page.get_by_role("button", name="Delete", exact=True)
+    before = delete.bounding_box()
     page.keyboard.press("Control+a")
     until(page, "turnscan.selected === turnscan.faces")
+    expect(page.get_by_test_id("selected")).not_to_have_text("0")
+    assert delete.bounding_box() == before, "a number that grows moves no button"
 
 
 def test_picture_comes_back_after_the_graphics_card_was_taken_away(open_cup):
