@@ -8,13 +8,12 @@ import time
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import DEADLINE, OPENING, steady, until
 from tests.app.e2e.cup import write_whole_cup
-from tests.app.e2e.pages import connect, disconnect, run_command, settled
+from tests.app.e2e.pages import connect, disconnect, run_command
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -22,108 +21,6 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
   return kind.startsWith("webgl") ? null : get.call(this, kind, ...rest);
 };
 """
-
-
-ROOMS = {
-    "projects": "Scans", "rig": "Rig", "scan": "Scan", "repair": "Repair", "measure": "Inspect",
-    "export": "Export", "do-compare": "Files", "do-join": "Files", "calibrate": "Calibrate",
-}  # fmt: skip
-"""What is in the address, and the name of the room's main region."""
-CUT = """
-() => [...document.querySelectorAll(
-    "button, label, h1, h2, h3, summary, legend, dt, dd, th, .chip, .key span, .about," +
-    " .with-unit span")]
-  .filter((e) => e.checkVisibility() && !e.closest(".sr-only") && e.textContent.trim())
-  .filter((e) => {
-    const box = e.getBoundingClientRect();
-    if (box.right > innerWidth + 1 || box.left < -1) return true;
-    if (e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1) return true;
-    for (let up = e.parentElement; up; up = up.parentElement) {
-      if (getComputedStyle(up).overflowX === "visible") continue;
-      const room = up.getBoundingClientRect();
-      if (box.right > room.right + 1 || box.left < room.left - 1) return true;
-    }
-    return false;
-  })
-  .map((e) => `${e.localName} “${e.textContent.trim().slice(0, 40)}”`)
-"""
-CUT_IN_FIELDS = """
-() => [...document.querySelectorAll("input[type=number], input[type=text], input[type=search]")]
-  .filter((e) => e.checkVisibility() && !e.closest(".sr-only"))
-  .filter((e) => {
-    const style = getComputedStyle(e);
-    const pen = document.createElement("canvas").getContext("2d");
-    pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
-    const wide = pen.measureText(e.value || e.placeholder).width;
-    const [left, right] = [parseFloat(style.paddingLeft), parseFloat(style.paddingRight)];
-    const unit = e.parentElement.querySelector(":scope > span")?.getBoundingClientRect();
-    const end = e.getBoundingClientRect().right - right;
-    return wide > e.clientWidth - left - right + 1 || (unit && unit.left < end - 1);
-  })
-  .map((e) => `field “${e.value || e.placeholder}” of ${e.labels[0]?.textContent}`)
-"""
-
-
-def cut(page) -> list[str]:
-    """Labels, texts and fields of which a part is not seen."""
-    return [*page.evaluate(CUT), *page.evaluate(CUT_IN_FIELDS)]
-
-
-def serious(page) -> list[str]:
-    found = Axe().run(page).response["violations"]
-    return [
-        f"{v['id']}: {v['nodes'][0]['html'][:160]}"
-        for v in found
-        if v["impact"] in ("serious", "critical")
-    ]
-
-
-def test_in_every_room_no_label_is_cut_and_nothing_is_wrong_for_screen_readers(open_cup, picture):
-    """In both themes, at 1 024 px, and at 640 px, which is 1 280 px at 200 % zoom."""
-    page = open_cup(width=1024)
-    scan = page.evaluate("location.hash.split('/')[1]")
-    wrong = []
-    for room, name in ROOMS.items():
-        page.evaluate(f"location.hash = '{room}/{scan}'")
-        page.locator(f"main[aria-label='{name}']").wait_for(state="attached")
-        if room == "repair":
-            page.get_by_role("tab", name="History").click()
-        if room == "measure":
-            page.get_by_text("Sections", exact=True).click()
-            page.get_by_role("button", name="Across z").click()
-        for width, height in ((640, 400), (1024, 700)):
-            page.set_viewport_size({"width": width, "height": height})
-            settled(page)
-            assert page.evaluate("document.documentElement.scrollWidth") <= width, room
-            wrong += [f"{room} at {width} px: {label}" for label in cut(page)]
-        for theme in ("light", "dark"):
-            page.get_by_role("button", name="Dark or light").click()
-            settled(page)
-            picture(page, f"{room}-{theme}")
-            wrong += [f"{room}, {theme}: {one}" for one in serious(page)]
-    page.evaluate(f"location.hash = 'repair/{scan}'")
-    page.get_by_role("tab", name="Settings").click()
-    page.locator("details[data-title='Compare two settings'] summary").click()
-    every = page.get_by_role("spinbutton", name="Every", exact=True)
-    every.fill("2")
-    every.press("Enter")
-    page.get_by_role("region", name="Patch, as typed").wait_for(timeout=1000 * OPENING)
-    wrong += [f"settings: {one}" for one in serious(page)]
-    for width, height in ((1024, 700), (1280, 800)):
-        page.set_viewport_size({"width": width, "height": height})
-        settled(page)
-        wrong += [f"settings at {width} px: {label}" for label in cut(page)]
-    page.keyboard.press("Escape")
-    page.locator("body").click(position={"x": 2, "y": 2})
-    for keys in ("?", "Control+k"):
-        page.keyboard.press(keys)
-        page.get_by_role("dialog").wait_for()
-        for width, height in ((640, 400), (1024, 700)):
-            page.set_viewport_size({"width": width, "height": height})
-            settled(page)
-            wrong += [f"{keys} at {width} px: {one}" for one in (*serious(page), *cut(page))]
-        page.keyboard.press("Escape")
-    assert wrong == []
 
 
 def test_without_webgl_the_rest_of_the_room_works(open_cup):
