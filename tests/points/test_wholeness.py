@@ -12,7 +12,7 @@ from tests.analytic import full_turn, make_rig, scan_shape, sphere
 from turnscan.points import Volume, build_grid, every, grid_findings, pixels_of
 from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points._build import take_steps
-from turnscan.points._wholeness import LitPoints, _bias, _creased, wholeness
+from turnscan.points._wholeness import LitPoints, _bias, _creased, _narrow, wholeness
 from turnscan.rig import rotation_z
 
 S, N = 14, 12
@@ -503,6 +503,17 @@ def test_a_veil_between_two_walls_is_doubted_although_its_own_plane_makes_it_nar
     assert not told.doubt[walls].any()
     whole = slanted_veil(0.1)[0]
     assert not wholeness(whole).doubt[middle].any(), "hardly narrower: a wall like the others"
+
+
+@pytest.mark.parametrize(("bright", "doubted"), [(30.0, True), (70.0, False), (160.0, False)])
+def test_a_long_run_of_narrow_stripes_is_a_veil_where_it_is_faint(bright, doubted):
+    width, light = np.full((3, 300), 2.0), np.full((3, 300), 100.0)
+    width[:, 100:136], light[:, 100:136] = 1.3, bright
+    doubt = _narrow(width, light, (0.5, 0.5))
+    assert (doubt[:, 114:122] > 0.3 * 2.0).all() == doubted
+    assert doubt[:, 114:122].any() == doubted
+    assert not doubt[:, :100].any()
+    assert not doubt[:, 136:].any()
 
 
 @pytest.mark.parametrize("end", [0, -1])

@@ -62,9 +62,13 @@ _CREASE = 0.4
 difference of the widths that it has on either: 1/√(2π)."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
-_ABOUT, _FEWEST_LINES, _MOST_LINES = 12.0, 4, 60
-"""Thicknesses of the sheet, and lines, at least and at most, to either side in which the usual
-width of a profile is that of whole stripes: a veil is shorter."""
+_ABOUT, _FAR_ABOUT = 12.0, 40.0
+"""Thicknesses of the sheet to either side in which the usual width of a profile is that of whole
+stripes: most veils are shorter than the first; in a pocket a whole stretch of a profile is one …"""
+_SURE_FAR = 0.2
+"""… and so far off, stripes that are fainter as well are cut where they differ by more."""
+_FEWEST_LINES, _MOST_LINES = 4, 200
+"""Lines that such a stretch is long to either side, at least and at most."""
 _REACH = 2.5
 """Thicknesses of the sheet beyond which a surface no longer adds to a stripe."""
 _TILTED = 4.0
@@ -168,7 +172,7 @@ def wholeness(light: LitPoints) -> Wholeness:
 
     in_parts(part, size, -(-size // _TOGETHER))
     sizes = _apart_along(light.points), thickness
-    more = np.maximum(_ended(light, width, arcs, sizes), _narrow(width, sizes))
+    more = np.maximum(_ended(light, width, arcs, sizes), _narrow(width, light_of, sizes))
     doubt = np.maximum(doubt, more - np.abs(shift))
     return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0)
 
@@ -298,24 +302,35 @@ def _ended(light: LitPoints, steadied: Floats, arcs: Floats, sizes: tuple[float,
     return np.asarray(np.nan_to_num(_bias(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
 
 
-def _narrow(steadied: Floats, sizes: tuple[float, float]) -> Floats:
+def _narrow(steadied: Floats, light: Floats, sizes: tuple[float, float]) -> Floats:
     """(s, n) px that stripes may be off which are narrower than most of their profile about them.
 
     A veil, the stripes that an edge cuts from line to line on the way from a near surface to one
     behind it, runs along the rays, and stripes are due to be as narrow as they are on it. Nothing
-    ends there either. A surface that is so steep is rare, and is known no better. ``sizes`` as
-    those of `_ended`.
+    ends there either. A surface that is so steep is rare, and is known no better. Where the veil is
+    longer than what is looked at, a longer stretch tells: what lies more squarely to the light
+    there is narrower, but brighter (``light`` (s, n) grey levels), and what is cut is fainter.
+    ``sizes`` as those of `_ended`.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
     if not min(sizes) > 0:
         return np.zeros_like(steadied)
-    reach = int(np.clip(_ABOUT * sizes[1] / sizes[0], _FEWEST_LINES, _MOST_LINES))
+    near, far = (
+        int(np.clip(about * sizes[1] / sizes[0], _FEWEST_LINES, _MOST_LINES))
+        for about in (_ABOUT, _FAR_ABOUT)
+    )
 
     def part(first: int, end: int) -> Floats:
-        own = steadied[first:end]
-        usual = kernels.usual(own, reach)
-        return np.nan_to_num(_bias(np.minimum(own / usual, 1.0), _SURE_END) * usual)
+        own, bright = steadied[first:end], light[first:end]
+        out = np.zeros_like(own)
+        for usual, sure, some in (
+            (kernels.usual(own, near), _SURE_END, True),
+            (kernels.usual(own, far), _SURE_FAR, bright < _FAINT * kernels.usual(bright, far)),
+        ):
+            off = _bias(np.minimum(own / usual, 1.0), sure) * usual
+            out = np.maximum(out, np.nan_to_num(off) * some)
+        return out
 
     return np.concatenate(in_parts(part, len(steadied)))
 
