@@ -27,6 +27,7 @@ from turnscan.edit import (
     history_from_log,
 )
 from turnscan.mesh import Mesh, Provenance
+from turnscan.shapes import directions_across
 from turnscan.workflows._session_measures import Renewed, measures_of
 
 
@@ -168,8 +169,14 @@ def test_a_picked_point_is_as_sure_as_the_vertex_beside_it() -> None:
     zero = np.zeros(len(sigma), np.int32)
     known = replace(mesh, provenance=Provenance(sigma, zero, zero, zero, ("left",)))
     document = Document.open(lambda *_: (known, ()))
-    ends = [tuple(float(x) for x in known.vertices[k]) for k in (foot, top, 200, 300)]
-    own = (0.01, 0.4, 0.05, 0.05)
-    for a, b in ((0, 1), (0, 2), (2, 3)):
-        document, _ = document.add(MeasureDistance(ends[a], ends[b]))  # type: ignore[arg-type]
-        assert document.measured[-1][1].sigma == pytest.approx(np.hypot(own[a], own[b]))
+    own = {foot: 0.01, top: 0.4, 200: 0.05, 300: 0.05}
+    for ends in ((foot, top), (foot, 200), (200, 300)):
+        places = known.vertices[list(ends)]
+        a, b = (tuple(float(x) for x in place) for place in places)
+        document, _ = document.add(MeasureDistance(a, b))  # type: ignore[arg-type]
+        along = np.diff(places, axis=0)[0] / np.linalg.norm(np.diff(places, axis=0))
+        about = [directions_across(known.triangles[(known.faces == k).any(axis=1)]) for k in ends]
+        shares = [along @ across @ along for across in about]
+        parts = [own[k] ** 2 * share for k, share in zip(ends, shares, strict=True)]
+        assert document.measured[-1][1].sigma == pytest.approx(np.sqrt(sum(parts)))
+        assert max(shares) > 0.1

@@ -319,8 +319,8 @@ def _near(mesh: Mesh, at: Vector) -> Bools:
 
 
 def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int, float]:
-    """The nearest point of the surface, with the sigma of the vertex nearest to it, that vertex,
-    and how far off the point is, mm.
+    """The nearest point of the surface, as well known as the vertex nearest to it, that vertex, and
+    how far off the point is, mm.
     """
     found = shapes.deviation(np.array(at)[None], submesh(mesh, _near(mesh, at)))
     gap = abs(float(found.distance[0]))
@@ -329,4 +329,5 @@ def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int, float]:
     on = found.closest[0]
     vertex = int(np.linalg.norm(mesh.vertices - on, axis=1).argmin())
     sigma = np.nan if mesh.provenance is None else float(mesh.provenance.sigma[vertex])
-    return Spot(on, sigma), vertex, gap
+    about = mesh.vertices[mesh.faces[(mesh.faces == vertex).any(axis=1)]]
+    return Spot(on, sigma, shapes.directions_across(about)), vertex, gap

@@ -7,7 +7,7 @@ the rig leaves open comes on top (`turnscan.points.systematic_sigma`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,6 +26,8 @@ from turnscan.shapes._volume import volume_sigma
 Unit = Literal["mm", "mm²", "mm³", "rad"]
 _SHARED = 2.0
 """Each vertex counts for about this many points of a section, which are so not independent."""
+_IN_LINE = 1e-3
+"""rad: an angle nearer to 0 or π than this says nothing of the plane that it lies in."""
 
 
 @dataclass(frozen=True)
@@ -58,16 +60,41 @@ class Spot:
     at: Floats
     """(3,) mm."""
     sigma: float = np.nan
-    """mm in any direction; NaN where not known."""
+    """mm, across the surface; NaN where not known."""
+    across: Floats = field(default_factory=lambda: np.eye(3))
+    """(3, 3) how much of the variance there is in each direction (`directions_across`): along the
+    surface a point that was picked is another point of it, and not off it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "at", frozen(self.at, (3,), "Spot.at"))
+        object.__setattr__(self, "across", frozen(self.across, (3, 3), "Spot.across"))
+
+    def variance(self, slope: Floats) -> float:
+        """What its noise adds to the variance of a value that changes by ``slope`` (3,) a mm."""
+        return float(self.sigma**2 * (slope @ self.across @ slope))
+
+
+def directions_across(triangles: Floats) -> Floats:
+    """(3, 3) `Spot.across` of a place on triangles (f, 3, 3).
+
+    One along the normal of a flat surface and 0 along it; at an edge, one across either face. What
+    noise tilts counts as it is, so that nothing is said to be known better than the faces show.
+    """
+    vectors = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    sizes = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
+    every = np.einsum("fi,fj->ij", vectors / sizes[:, None], vectors)
+    largest = float(np.linalg.eigvalsh(every)[-1])
+    return np.asarray(every / largest) if largest > 0 else np.eye(3)
 
 
 def distance(a: Spot, b: Spot) -> Measured:
     """Between two points."""
     value = float(np.linalg.norm(b.at - a.at))
-    sigma = float(np.hypot(a.sigma, b.sigma))
+    if value > 0:
+        along = (b.at - a.at) / value
+        sigma = float(np.sqrt(a.variance(along) + b.variance(along)))
+    else:
+        sigma = float(np.hypot(a.sigma, b.sigma))
     return Measured(value, "mm", sigma, np.stack([a.at, b.at]), "from point to point")
 
 
@@ -77,7 +104,8 @@ def to_plane(point: Spot, plane: Plane) -> Measured:
     foot = point.at - value * plane.normal
     # Tilts are about the principal directions of the plane's points, through their centre.
     lever = float(np.linalg.norm(foot - plane.centre)) * plane.normal_sigma
-    sigma = float(np.sqrt(point.sigma**2 + plane.covariance[2, 2] + lever**2))
+    own = point.variance(plane.normal)
+    sigma = float(np.sqrt(own + plane.covariance[2, 2] + lever**2))
     text = f"from a point to a plane of {plane.count} points, rms {plane.rms:.3f} mm"
     return Measured(value, "mm", sigma, np.stack([point.at, foot]), text)
 
@@ -89,9 +117,18 @@ def corner_angle(a: Spot, corner: Spot, b: Spot) -> Measured:
     if min(lengths) == 0:
         raise InputError("an angle between points that coincide", hint="choose three points")
     value = float(np.arctan2(np.linalg.norm(np.cross(p, q)), p @ q))
-    ends = np.hypot(a.sigma / lengths[0], b.sigma / lengths[1])
-    at_corner = corner.sigma * np.linalg.norm(p - q) / (lengths[0] * lengths[1])
-    sigma = float(np.hypot(ends, at_corner))
+    cross = np.cross(p, q)
+    if np.linalg.norm(cross) > _IN_LINE * lengths[0] * lengths[1]:
+        to_a, to_b = (
+            -aside / np.linalg.norm(aside) / length
+            for aside, length in zip((np.cross(cross, p), np.cross(q, cross)), lengths, strict=True)
+        )
+        parts = a.variance(to_a) + b.variance(to_b) + corner.variance(to_a + to_b)
+        sigma = float(np.sqrt(parts))
+    else:  # whichever way a point moves across the line, the angle changes
+        ends = np.hypot(a.sigma / lengths[0], b.sigma / lengths[1])
+        at_corner = corner.sigma * np.linalg.norm(p - q) / (lengths[0] * lengths[1])
+        sigma = float(np.hypot(ends, at_corner))
     return Measured(value, "rad", sigma, np.stack([a.at, corner.at, b.at]), "at a vertex")
 
 
