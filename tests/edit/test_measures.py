@@ -27,7 +27,7 @@ from turnscan.edit import (
     history_from_log,
 )
 from turnscan.mesh import Mesh, Provenance
-from turnscan.shapes import directions_across
+from turnscan.shapes import Spot
 from turnscan.workflows._session_measures import Renewed, measures_of
 
 
@@ -175,8 +175,8 @@ def test_a_picked_point_is_as_sure_as_the_vertex_beside_it() -> None:
         a, b = (tuple(float(x) for x in place) for place in places)
         document, _ = document.add(MeasureDistance(a, b))  # type: ignore[arg-type]
         along = np.diff(places, axis=0)[0] / np.linalg.norm(np.diff(places, axis=0))
-        about = [directions_across(known.triangles[(known.faces == k).any(axis=1)]) for k in ends]
-        shares = [along @ across @ along for across in about]
+        across = [Spot.on(known, k, known.vertices[k]).across for k in ends]
+        shares = [along @ directions @ along for directions in across]
         parts = [own[k] ** 2 * share for k, share in zip(ends, shares, strict=True)]
         assert document.measured[-1][1].sigma == pytest.approx(np.sqrt(sum(parts)))
         assert max(shares) > 0.1

@@ -193,17 +193,18 @@ def test_noise_along_the_surface_is_no_error_of_a_place_on_it() -> None:
 
 
 def test_a_surface_is_off_across_itself_and_at_an_edge_across_both_faces() -> None:
-    flat = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 1, 0), (0, 1, 0)]], float)
-    assert np.allclose(shapes.directions_across(flat), np.diag((0, 0, 1)))
-    upright = flat[:, :, [2, 0, 1]]
-    edge = shapes.directions_across(np.concatenate([flat, upright]))
-    assert np.allclose(edge, np.diag((1, 0, 1)))
-    rough = flat + np.array([0.0, 0.0, 0.1]) * np.random.default_rng(8).normal(size=(2, 3, 1))
-    values = np.linalg.eigvalsh(shapes.directions_across(rough))
-    assert values[-1] == pytest.approx(1.0)
-    assert values[0] >= 0
-    assert values[1] > 0, "as sure as its faces lie alike"
-    assert np.array_equal(shapes.directions_across(0.0 * flat), np.eye(3))
+    def about(*places: tuple[float, float, float]) -> np.ndarray:
+        """Of two faces with a common edge, the first vertex at one end of it."""
+        mesh = Mesh(np.array(places, float), np.array([[0, 1, 2], [1, 0, 3]]))
+        return np.asarray(shapes.Spot.on(mesh, 0, mesh.vertices[0]).across)
+
+    base = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    assert np.allclose(about(*base, (0.0, -1.0, 0.0)), np.diag((0, 0, 1)))
+    assert np.allclose(about(*base, (0.0, 0.0, -1.0)), np.diag((0, 1, 1)))
+    tilted = np.linalg.eigvalsh(about(*base, (0.0, -1.0, 0.3)))
+    assert tilted[-1] == pytest.approx(1.0)
+    assert tilted[1] == pytest.approx(np.tan(np.arctan(0.3) / 2) ** 2, rel=0.1)
+    assert np.array_equal(about(*3 * [base[0]], base[0]), np.eye(3))
 
 
 def test_how_much_of_an_area_was_not_measured_is_said() -> None:

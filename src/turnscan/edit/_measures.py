@@ -328,6 +328,4 @@ def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int, float]:
         raise InputError(f"the surface is {gap:.1f} mm away from where a point was picked")
     on = found.closest[0]
     vertex = int(np.linalg.norm(mesh.vertices - on, axis=1).argmin())
-    sigma = np.nan if mesh.provenance is None else float(mesh.provenance.sigma[vertex])
-    about = mesh.vertices[mesh.faces[(mesh.faces == vertex).any(axis=1)]]
-    return Spot(on, sigma, shapes.directions_across(about)), vertex, gap
+    return Spot.on(mesh, vertex, on), vertex, gap

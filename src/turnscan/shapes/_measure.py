@@ -62,19 +62,27 @@ class Spot:
     sigma: float = np.nan
     """mm, across the surface; NaN where not known."""
     across: Floats = field(default_factory=lambda: np.eye(3))
-    """(3, 3) how much of the variance there is in each direction (`directions_across`): along the
+    """(3, 3) how much of the variance there is in each direction (`_across`): along the
     surface a point that was picked is another point of it, and not off it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "at", frozen(self.at, (3,), "Spot.at"))
         object.__setattr__(self, "across", frozen(self.across, (3, 3), "Spot.across"))
 
+    @classmethod
+    def on(cls, mesh: Mesh, vertex: int, at: Floats) -> Spot:
+        """A place (3,) mm on a mesh, as well known as the vertex nearest to it."""
+        p = mesh.provenance
+        about = mesh.faces[(mesh.faces == vertex).any(axis=1)]
+        sigma = np.nan if p is None else float(p.sigma[vertex])
+        return cls(at, sigma, _across(mesh.vertices[about]))
+
     def variance(self, slope: Floats) -> float:
         """What its noise adds to the variance of a value that changes by ``slope`` (3,) a mm."""
         return float(self.sigma**2 * (slope @ self.across @ slope))
 
 
-def directions_across(triangles: Floats) -> Floats:
+def _across(triangles: Floats) -> Floats:
     """(3, 3) `Spot.across` of a place on triangles (f, 3, 3).
 
     One along the normal of a flat surface and 0 along it; at an edge, one across either face. What
