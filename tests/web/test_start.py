@@ -72,6 +72,8 @@ def test_a_scan_that_is_open_is_renamed_copied_binned_and_restored(
         assert browser.ask("to_bin", scan=scan)["kind"] == "done"
         binned = browser.until("scans", lambda m: names(m) == ["second"] and m["binned"] != [])
         assert [b["name"] for b in binned["binned"]] == ["a_b"]
+        assert http.get(f"/api/scans/{scan}/thumbnail.png").status_code == 204, "it was here"
+        assert http.get("/api/scans/another/thumbnail.png").status_code == 404
         (folder / "a_b.turnscan").write_bytes((folder / "second.turnscan").read_bytes())
         back = browser.ask("restore", binned=binned["binned"][0]["binned"])
         assert back["kind"] == "done"

@@ -70,6 +70,12 @@ class Library:
         except KeyError:
             raise InputError("no such scan", hint="reload the list") from None
 
+    def gone(self, name: str) -> bool:
+        """Whether an opaque name is that of a file which was here, and is here no longer."""
+        with self._lock:
+            known = name in self._names.values()
+        return known and name not in self.paths()
+
     def others(self) -> list[Path]:
         """Files of the folder that are no scans, and folders in it; of one scan alone, its own."""
         try:

@@ -278,7 +278,14 @@ def _sheet_of(form: str) -> Endpoint:
 
 def _thumbnail(workshop: Workshop) -> Endpoint:
     async def thumbnail(request: Request) -> Response:
-        png = await asyncio.to_thread(workshop.thumbnail, request.path_params["scan"])
+        scan = request.path_params["scan"]
+        try:
+            png = await asyncio.to_thread(workshop.thumbnail, scan)
+        except (InputError, ScanError):
+            # Renamed or binned while a page that does not know it yet was asking: no error of its.
+            if await asyncio.to_thread(workshop.library.gone, scan):
+                return Response(status_code=204)
+            raise
         # The address names the content: another one has another address.
         kept = {"Cache-Control": "private, max-age=86400"}
         return Response(png, media_type="image/png", headers=kept)

@@ -124,6 +124,11 @@ def server(folder: Path) -> Iterator[Server]:
     started.end()
 
 
+def _said(message: Any) -> str:
+    """What a page complained of in its console, and where."""
+    return f"{message.text} {message.location.get('url', '')}"
+
+
 @pytest.fixture
 def new_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
     """Make pages of the app; afterwards none may have complained in its console."""
@@ -142,7 +147,7 @@ def new_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
         if script:
             page.add_init_script(script)
         page.on("pageerror", lambda e: complaints.append(str(e)))
-        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
+        page.on("console", lambda m: complaints.append(_said(m)) if m.type == "error" else None)
         if server.cookies is None:
             page.goto(server.link)
             page.wait_for_url(lambda url: "login" not in url)
