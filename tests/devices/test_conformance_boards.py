@@ -10,17 +10,14 @@ from typing import Any
 
 import pytest
 
-from tests.devices.boards import DIALECTS, OUTPUTS, UNITS, firmware, plugged
+from tests.devices.boards import DIALECTS, OUTPUTS, PATIENT, UNITS, firmware, plugged
 from turnscan.devices import Lasers, Turntable
-from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._manual import ManualTurntable
 from turnscan.devices._registry import board
 from turnscan.errors import DeviceDisconnected, DeviceRefused
 from turnscan.simulate import SimLasers, SimTurntable, simulated
 from turnscan.simulate.controllers import Socket
 from turnscan.testing import check_lasers, check_turntable
-
-NORMAL = Deadlines(acknowledge=0.5, move_extra=1.0, connect=3.0)
 
 
 @pytest.fixture(params=DIALECTS)
@@ -32,7 +29,7 @@ def wired(request: pytest.FixtureRequest) -> Iterator[tuple[str, Socket]]:
 def opener(dialect: str, socket: Socket) -> Callable[[], Any]:
     @contextmanager
     def opened() -> Iterator[Any]:
-        device = board(f"{dialect}:{socket.path}?lasers=a,b", deadlines=NORMAL)
+        device = board(f"{dialect}:{socket.path}?lasers=a,b", deadlines=PATIENT)
         if device.alarm:
             device.acknowledge()
         try:

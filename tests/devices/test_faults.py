@@ -92,7 +92,7 @@ class Scan:
             try:
                 self.step()
                 return late
-            except (DeviceTimeout, DeviceGarbled):
+            except (DeviceTimeout, DeviceGarbled, LaserStateUnknown):
                 self.recover()
         raise AssertionError("it does not go on")
 
@@ -141,7 +141,7 @@ def test_every_fault_at_every_step(dialect: str, kind: str, steps: int) -> None:
                 if kind == "late":  # nobody acknowledges within a blink
                     time.sleep(max(0.0, how_long / SCALE - took))
                 scan.recover()
-            except DeviceTimeout:  # a busy machine: the answer came too late
+            except (DeviceTimeout, LaserStateUnknown):  # a busy machine: an answer came too late
                 late += 1
                 scan.recover()
             else:
