@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from turnscan.arrays import Bools, Ints
 from turnscan.mesh import opposite_half_edges
+from turnscan.mesh._topology import hanging_together
 
 
 def plainly(faces: npt.NDArray[np.int32]) -> list[int]:
@@ -40,3 +42,49 @@ def test_many_faces_about_one_vertex_are_no_trouble() -> None:
     twin = opposite_half_edges(faces)
     assert (twin[1::3] == -1).all()
     assert (twin[2::3] == np.roll(3 * np.arange(len(rim)), -1)).all()
+
+
+def test_what_hangs_by_a_vertex_goes_until_nothing_does() -> None:
+    """As if after each round all of the rest were looked at."""
+    rng = np.random.default_rng(5)
+    rounds = 0
+    for _ in range(200):
+        faces = _strip(12, 6)[rng.random(120) < rng.uniform(0.3, 0.95)]
+        kept, left = np.arange(len(faces)), faces
+        for _ in range(100):
+            gone = _all_but_the_largest_fans(left)
+            if not gone.any():
+                break
+            rounds += 1
+            kept, left = kept[~gone], left[~gone]
+        expected = np.zeros(len(faces), dtype=bool)
+        expected[kept] = True
+        np.testing.assert_array_equal(hanging_together(faces), expected)
+    assert rounds > 220, "for some, more than one round is needed"
+
+
+def _strip(columns: int, rows: int) -> Ints:
+    """(2 · (columns − 2) · rows, 3) faces of a sheet."""
+    a = np.add.outer(np.arange(rows) * columns, np.arange(columns - 2)).ravel()
+    b, c, d = a + 1, a + columns, a + columns + 1
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)]).astype(np.int32)
+
+
+def _all_but_the_largest_fans(faces: Ints) -> Bools:
+    """(f,)."""
+    gone = np.zeros(len(faces), dtype=bool)
+    for v in np.unique(faces):
+        about = np.flatnonzero((faces == v).any(axis=1))
+        fans: list[list[int]] = []
+        for f in about:
+            meets = [fan for fan in fans if any(_share_a_side(faces[f], faces[g]) for g in fan)]
+            joined = [int(f), *(g for fan in meets for g in fan)]
+            fans = [fan for fan in fans if fan not in meets] + [joined]
+        fans.sort(key=lambda fan: (-len(fan), min(fan)))
+        for fan in fans[1:]:
+            gone[fan] = True
+    return gone
+
+
+def _share_a_side(one: Ints, other: Ints) -> bool:
+    return len(np.intersect1d(one, other)) == 2

@@ -94,6 +94,31 @@ def _aside(v: Floats, m: Floats, at: int, to: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def around(vertices: Floats, faces: Ints, asked: Bools) -> Ints:
+    """The faces whose boxes meet the box of all those ``asked`` for (f,)."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for f in range(len(faces)):
+        if asked[f]:
+            for k in range(3):
+                for axis in range(3):
+                    low[axis] = min(low[axis], vertices[faces[f, k], axis])
+                    high[axis] = max(high[axis], vertices[faces[f, k], axis])
+    out = np.empty(len(faces), dtype=np.int32)
+    have = 0
+    for f in range(len(faces)):
+        meets = True
+        for axis in range(3):
+            a = vertices[faces[f, 0], axis]
+            b = vertices[faces[f, 1], axis]
+            c = vertices[faces[f, 2], axis]
+            meets = meets and min(a, b, c) <= high[axis] and max(a, b, c) >= low[axis]
+        if meets:
+            out[have] = f
+            have += 1
+    return out[:have].copy()
+
+
+@njit(cache=True, nogil=True)
 def as_they_come(vertices: Floats, faces: Ints, plain: Bools) -> tuple[Floats, Ints, Bools]:
     """The vertices (v, 3) that faces (f, 3) use, in the order in which they use them, the faces
     with their new numbers, and which of the vertices are ``plain``: what is read together lies

@@ -103,3 +103,19 @@ def rises(points: Floats, faces: Ints, step: Ints) -> Floats:
                 out[made] = rise
                 made += 1
     return out[:made].copy()
+
+
+@njit(cache=True, nogil=True)
+def longest_sides(points: Floats, faces: Ints) -> Floats:
+    """(v,) mm: the longest side of the faces at each vertex."""
+    reach = np.zeros(len(points))
+    for f in range(len(faces)):
+        for i in range(3):
+            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            square = 0.0
+            for axis in range(3):
+                square += (points[a, axis] - points[b, axis]) ** 2
+            length = np.sqrt(square)
+            reach[a] = max(reach[a], length)
+            reach[b] = max(reach[b], length)
+    return reach

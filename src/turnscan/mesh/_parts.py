@@ -95,10 +95,6 @@ def measured_vertices(mesh: Mesh) -> Bools:
 
 def longest_sides(mesh: Mesh) -> Floats:
     """(v,) mm: the longest side at each vertex."""
-    reach = np.zeros(len(mesh.vertices))
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        ends = mesh.faces[:, [a, b]]
-        length = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-        np.maximum.at(reach, ends[:, 0], length)
-        np.maximum.at(reach, ends[:, 1], length)
-    return reach
+    from turnscan.mesh import _normal_kernels as kernels
+
+    return kernels.longest_sides(mesh.vertices, mesh.faces)

@@ -82,7 +82,7 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
         order: Ints = morton_order(mesh.vertices, mesh.faces).astype(np.int32)
         which = np.ones(len(order), dtype=np.bool_)
     else:
-        near = _around(mesh, asked)
+        near = kernels.around(mesh.vertices, mesh.faces, asked)
         order = near[morton_order(mesh.vertices, mesh.faces[near])].astype(np.int32)
         which = asked[order]
     vertices, faces, plain = kernels.as_they_come(mesh.vertices, mesh.faces[order], plain)
@@ -100,14 +100,6 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     pairs = np.sort(order[pairs], axis=1)
     in_order: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     return in_order
-
-
-def _around(mesh: Mesh, asked: Bools) -> npt.NDArray[np.intp]:
-    """The faces whose boxes meet the box of those asked for."""
-    corners = mesh.triangles
-    least, most = corners[asked].min(axis=(0, 1)), corners[asked].max(axis=(0, 1))
-    over = (corners.min(axis=1) <= most) & (corners.max(axis=1) >= least)
-    return np.flatnonzero(over.all(axis=1))
 
 
 def _side_places(mesh: Mesh) -> tuple[Floats, Floats]:

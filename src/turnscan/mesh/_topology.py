@@ -75,18 +75,33 @@ def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
 
 def hanging_together(faces: Ints) -> Bools:
     """(f,) False for the faces that `cut_touching` takes away."""
-    keep, left = np.arange(len(faces)), faces
-    while len(left):
-        fan, about = vertex_fans(left)
-        if np.bincount(about).max() == 1:
+    kept = np.ones(len(faces), dtype=np.bool_)
+    near: npt.NDArray[np.intp] = np.arange(len(faces))
+    asked = np.ones(int(faces.max()) + 1 if len(faces) else 0, dtype=np.bool_)
+    while len(near):
+        gone = near[_smaller_fans(faces[near], asked)]
+        if not len(gone):
             break
-        order = np.lexsort((np.arange(len(about)), -np.bincount(fan), about))
-        rest = order[1:][about[order[1:]] == about[order[:-1]]]
-        keep = keep[~np.isin(fan, rest).reshape(-1, 3).any(axis=1)]
-        left = faces[keep]
-    kept = np.zeros(len(faces), dtype=np.bool_)
-    kept[keep] = True
+        kept[gone] = False
+        # Only about the vertices of what went can anything have changed.
+        asked = np.zeros(len(asked), dtype=np.bool_)
+        asked[faces[gone]] = True
+        near = np.flatnonzero(kept & asked[faces].any(axis=1))
     return kept
+
+
+def _smaller_fans(faces: Ints, asked: Bools) -> Bools:
+    """(f,) True for faces of all fans but the largest (the first of equal ones) about a vertex.
+
+    Of the vertices ``asked`` for.
+    """
+    fan, about = vertex_fans(faces)
+    several = np.flatnonzero((np.bincount(about)[about] > 1) & asked[about])
+    order = several[np.lexsort((several, -np.bincount(fan)[several], about[several]))]
+    rest = order[1:][about[order[1:]] == about[order[:-1]]]
+    smaller = np.zeros(len(about), dtype=np.bool_)
+    smaller[rest] = True
+    return np.asarray(smaller[fan].reshape(-1, 3).any(axis=1))
 
 
 def vertex_fans(faces: Ints) -> tuple[Ints, Ints]:
