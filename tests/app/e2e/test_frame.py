@@ -13,7 +13,7 @@ from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import DEADLINE, OPENING, steady, until
 from tests.app.e2e.cup import write_whole_cup
-from tests.app.e2e.pages import connect, disconnect, run_command
+from tests.app.e2e.pages import connect, disconnect, run_command, settled
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -114,6 +114,39 @@ def test_one_browser_invites_another(new_page, browser):
     until(other, "'turnscan' in window && turnscan.connection === 'open'")
     other.get_by_text("watching").wait_for()
     context.close()
+
+
+UNDER = """
+() => {
+  const log = document.querySelector("[role=log]");
+  if (!log.textContent) return ["no message is shown"];
+  const controls = document.querySelectorAll("main button, main input, main select, main a");
+  return [...controls].filter((e) => e.checkVisibility()).filter((e) => {
+    e.scrollIntoView({ block: "nearest" });
+    const box = e.getBoundingClientRect();
+    const seen = document.elementFromPoint(box.x + box.width / 2, box.bottom - 2);
+    return seen === null || log.contains(seen);
+  }).map((e) => e.getAttribute("aria-label") || e.textContent);
+}
+"""
+"""Controls that are outside the window or under the messages, however one scrolls."""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 500), (950, 500), (640, 400)])
+def test_a_message_covers_no_control(new_page, folder, picture, width, height):
+    (folder / "broken.turnscan").write_bytes(b"not a scan at all")
+    page = new_page(width=width, height=height)
+    for place in ("", "rig", "scan", "do-import", "do-section", "do-compare"):
+        page.evaluate("location.hash = ''")
+        page.get_by_role("button", name="broken", exact=True).click()
+        page.get_by_role("log").get_by_role("alert").first.wait_for()
+        page.evaluate(f"location.hash = '{place}'")
+        settled(page)
+        page.get_by_role("main").get_by_role("button").first.wait_for()
+        assert page.evaluate(UNDER) == [], place
+        picture(page, f"message-{place or 'start'}-{width}")
+        while page.get_by_role("button", name="Close this message").count():
+            page.get_by_role("button", name="Close this message").first.click()
 
 
 def test_no_file_and_an_old_link_are_told_in_words(new_page, server, folder):
