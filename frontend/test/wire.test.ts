@@ -53,7 +53,7 @@ describe("Grid", () => {
   });
 
   it("says flags in words", () => {
-    expect(flagWords(16 | 64)).toBe("halo, several candidates");
+    expect(flagWords(16 | 64)).toBe("stray light, several candidates");
     expect(flagWords(0)).toBe("");
   });
 });

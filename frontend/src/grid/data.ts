@@ -7,7 +7,7 @@ export const FLAGS = [
   [2, "outside"],
   [4, "ambiguous"],
   [8, "saturated"],
-  [16, "halo"],
+  [16, "stray light"],
   [32, "edge"],
   [64, "several candidates"],
   [128, "grazing"],

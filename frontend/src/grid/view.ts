@@ -23,7 +23,7 @@ export interface GridEvents {
 const QUALITY: readonly (readonly [number, Rgb, string])[] = [
   [4, [204, 121, 167], "ambiguous"],
   [8, [240, 228, 66], "saturated"],
-  [16, [213, 94, 0], "halo"],
+  [16, [213, 94, 0], "stray light"],
   [128, [230, 159, 0], "grazing"],
 ];
 /** By how many times the usual uncertainty of its grid a point is worse, the worst first. */

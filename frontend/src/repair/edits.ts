@@ -12,7 +12,7 @@ export type FillHow = "auto" | "flat" | "membrane" | "tangent" | "curvature";
 export const FILL_HOW: readonly (readonly [FillHow, string])[] = [
   ["auto", "automatic"],
   ["flat", "flat"],
-  ["membrane", "membrane"],
+  ["membrane", "minimal surface"],
   ["tangent", "tangent"],
   ["curvature", "curvature"],
 ];

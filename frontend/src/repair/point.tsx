@@ -76,9 +76,9 @@ function Facts() {
           <dd data-testid="place">
             {grid.header.laser}, {at.step}, {at.line}
           </dd>
-          <dt>Sigma</dt>
+          <dt>Std. uncertainty</dt>
           <dd>{Number.isNaN(grid.sigma[i]) ? "–" : `${(1000 * grid.sigma[i]).toFixed(1)} µm`}</dd>
-          <dt>Amplitude</dt>
+          <dt>Stripe brightness</dt>
           <dd>{Number.isNaN(grid.amplitude[i]) ? "–" : grid.amplitude[i].toFixed(0)}</dd>
           <dt>Quality</dt>
           <dd>{flagWords(grid.flags[i]) || "good"}</dd>
@@ -191,7 +191,13 @@ function ProfilePanel() {
 }
 
 const STRATEGIES = ["window", "maximum", "centroid", "median", "parabola", "gauss3", "squared", "blais-rioux"];
-const CHOICES = ["brightest", "first", "last", "nearest"];
+const CHOICES = [
+  ["", "as before"],
+  ["brightest", "brightest"],
+  ["first", "leftmost or topmost"],
+  ["last", "rightmost or lowest"],
+  ["nearest", "nearest to the adjacent lines"],
+] as const;
 const asOptions = (names: readonly string[]) => [
   ["", "as before"] as const,
   ...names.map((name) => [name, name] as const),
@@ -228,9 +234,9 @@ function DetectPanel() {
         onChange={(value) => (strategy.value = value)}
       />
       <SelectField
-        label="Among several"
+        label="If several stripes"
         value={choose.value}
-        options={asOptions(CHOICES)}
+        options={CHOICES}
         onChange={(value) => (choose.value = value)}
       />
       <Button

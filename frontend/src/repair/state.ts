@@ -1,4 +1,4 @@
-/** What the Repair room has in hand. */
+/** What the Edit room has in hand. */
 import { batch, computed, signal } from "@preact/signals";
 import type { GridColouring, Range } from "../grid/view";
 import { grids, lasers, loadGrid, type Mark, mark, mesh, onMesh, opened, type Preview } from "../part";

@@ -158,7 +158,7 @@ function Advice() {
         </p>
       )}
       {format.value === "dxf" && now.faces > 200_000 && (
-        <p class="advice">{count(now.faces)} triangles are heavy for CAD: decimate in Repair, or write profiles.</p>
+        <p class="advice">{count(now.faces)} triangles are heavy for CAD: decimate in Edit, or write profiles.</p>
       )}
     </Section>
   );

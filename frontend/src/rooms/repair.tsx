@@ -241,7 +241,7 @@ function Repair() {
 
 export const repair: Room = {
   id: "repair",
-  title: "Repair",
+  title: "Edit",
   needsScan: true,
   View: Repair,
   Status: LastEdit,

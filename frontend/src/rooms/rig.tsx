@@ -84,7 +84,7 @@ function FoundPanel() {
       {list?.notes.map((note) => (
         <RemarkLine key={note.text} remark={note} />
       ))}
-      <div class="grid-2">
+      <div class="row">
         <Button disabled={finding.value} onClick={() => void findDevices(false)}>
           Search again
         </Button>
@@ -265,7 +265,7 @@ function Rig() {
             : "Connect devices, or the simulated rig already filled in."
         }
       />
-      <aside class="inspector" aria-label="Rig">
+      <aside class="inspector" aria-label="Setup">
         <DevicesPanel />
         <FoundPanel />
         <LookPanel />
@@ -279,8 +279,8 @@ function Rig() {
 
 export const rig: Room = {
   id: "rig",
-  title: "Rig",
+  title: "Setup",
   needsScan: false,
   View: Rig,
-  commands: [{ title: "Calibrate …", group: "Rig", run: () => go("calibrate", null) }],
+  commands: [{ title: "Calibrate …", group: "Setup", run: () => go("calibrate", null) }],
 };

@@ -1,4 +1,4 @@
-/** Scan: a plan, the camera and the points while it runs, and the way to the Repair room. */
+/** Scan: a plan, the camera and the points while it runs, and the way to the Edit room. */
 import { type Signal, signal } from "@preact/signals";
 import { kept } from "../kept";
 import type { ScanPlan } from "../protocol";
@@ -87,7 +87,7 @@ function PlanPanel() {
       <Section title="Plan">
         <p>No devices are connected.</p>
         <Button kind="primary" onClick={() => go("rig")}>
-          Connect them in Rig
+          Connect them in Setup
         </Button>
       </Section>
     );
@@ -101,7 +101,7 @@ function PlanPanel() {
           value={steps.value}
           min={1}
           step={1}
-          placeholder="usual"
+          placeholder="automatic"
           onChange={(value) => (steps.value = value)}
         />
         {lasers().map((name) => (
@@ -116,7 +116,7 @@ function PlanPanel() {
           label="Exposures"
           unit="ms"
           value={exposures.value}
-          placeholder="usual"
+          placeholder="automatic"
           onChange={(value) => (exposures.value = value)}
         />
       </Section>
@@ -127,7 +127,7 @@ function PlanPanel() {
           label="Threshold"
           value={threshold.value}
           min={0}
-          placeholder="chosen"
+          placeholder="automatic"
           onChange={(value) => (threshold.value = value)}
         />
         <NumberField
@@ -158,10 +158,10 @@ function PlanPanel() {
           ))}
         <StripeField />
         <SelectField
-          label="Keep"
+          label="Store"
           value={keep.value}
           options={[
-            ["sparse", "the stripe"],
+            ["sparse", "laser stripe only"],
             ["full", "whole pictures"],
           ]}
           onChange={(value) => (keep.value = value)}
@@ -196,7 +196,7 @@ function CoursePanel() {
     running: "Running",
     paused: "Paused: lasers dark",
     complete: "Complete",
-    aborted: "Ended early",
+    aborted: "Stopped by you",
     failed: "Failed",
   };
   return (
@@ -223,13 +223,13 @@ function CoursePanel() {
             {now.state === "paused" ? "Resume" : "Pause"}
           </Button>
           <Button kind="danger" disabled={!isOperator.value} onClick={() => void ask({ kind: "abort" })}>
-            Abort
+            Stop scan
           </Button>
         </div>
       ) : (
         now.done > 0 && (
           <Button kind="primary" onClick={() => go("repair", now.scan)}>
-            Repair it
+            Edit it
           </Button>
         )
       )}

@@ -178,7 +178,7 @@ def picture() -> Callable[[Any, str], None]:
 
 @pytest.fixture
 def open_cup(new_page: Callable[..., Any], folder: Path, cup: Path) -> Callable[..., Any]:
-    """Open a copy of the cup of this test's own in the Repair room."""
+    """Open a copy of the cup of this test's own in the Edit room."""
     name = f"cup-{sum(1 for _ in folder.iterdir()) + 1}"
 
     def make(prepare: Callable[[Path], None] | None = None, **options: Any) -> Any:

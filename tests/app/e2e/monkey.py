@@ -29,7 +29,7 @@ ODDS = (0.36, 0.26, 0.24, 0.08, 0.06)
 """Of drags, presses, keys, edits and turns of the wheel."""
 NUMBERS = ("", "0", "-1", "0.5", "3", "12", "90", "1e9", "1e-9")
 SHUN = (
-    "Invite", "Exporting", "Export", "All scans", "turnscan", "Rig", "Scan", "Take control",
+    "Invite", "Exporting", "Export", "All scans", "turnscan", "Setup", "Scan", "Take control",
     "Save as CSV", "Report as",
 )  # fmt: skip
 """Beginnings of the names of what leads out of the part's rooms, or out of the page."""

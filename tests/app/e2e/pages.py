@@ -36,7 +36,7 @@ WORKING = 300_000.0
 def connect(
     page: Any, address: str = "sim:cup?steps=24&speckle=no", *, again: bool = False
 ) -> None:
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     for field in ("Camera", "Turntable", "Lasers"):
         page.get_by_role("textbox", name=field).fill(address)
     page.get_by_role("button", name="Connect again" if again else "Connect", exact=True).click()

@@ -67,5 +67,5 @@ def test_formats_are_written_and_read_back_and_nothing_chosen_is_not(
     assert page.get_by_role("button", name="Export DXF").is_disabled()
     page.get_by_role("radio", name="STL").check()
     assert page.get_by_role("button", name="Export STL").is_enabled()
-    page.get_by_role("button", name="Repair", exact=True).click()
+    page.get_by_role("button", name="Edit", exact=True).click()
     until(page, f"turnscan.faces === {seen}")

@@ -56,7 +56,7 @@ def test_everything_is_reached_by_keyboard(open_cup):
                 " ?? document.activeElement.textContent.trim()"
             )
         )
-    assert {"STOP", "Lasso", "Colours of the surface", "Repair"} <= set(names)
+    assert {"STOP", "Lasso", "Colours of the surface", "Edit"} <= set(names)
 
 
 def test_stop_is_above_any_dialog_and_a_frozen_server_is_told(new_page, server, picture):

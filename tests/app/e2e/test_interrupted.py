@@ -53,7 +53,7 @@ def resume(page: Any, name: str) -> None:
     row.get_by_role("button", name="Resume").click()
     page.get_by_text("Complete", exact=True).wait_for(timeout=WORKING)
     interrupted.wait_for(state="detached", timeout=WORKING)
-    page.get_by_role("button", name="Repair it").click()
+    page.get_by_role("button", name="Edit it").click()
     until(page, "turnscan.faces > 3000", OPENING)
 
 
@@ -69,14 +69,14 @@ def test_a_scan_that_was_aborted_is_taken_to_its_end(new_page, folder):
     page = new_page()
     connect(page, f"{BENCH}&steps={STEPS}")
     name = halt(page, "halved")
-    page.get_by_role("button", name="Abort").click()
-    page.get_by_text("Ended early").wait_for(timeout=WORKING)
+    page.get_by_role("button", name="Stop scan").click()
+    page.get_by_text("Stopped by you").wait_for(timeout=WORKING)
     with Scan.open(folder / f"{name}.turnscan") as scan:
         assert 2 <= len(scan) < STEPS
     page.get_by_role("list", name="Interrupted scans").get_by_text("steps missing").wait_for()
     resume(page, name)
     check_whole(folder / f"{name}.turnscan")
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     disconnect(page)
 
 
@@ -95,7 +95,7 @@ def test_a_scan_whose_server_was_killed_is_taken_to_its_end(new_page, server: Se
     page.get_by_role("button", name="Scan", exact=True).click()
     resume(page, name)
     check_whole(folder / f"{name}.turnscan")
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     disconnect(page)
 
 
@@ -131,11 +131,11 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
         assert dark is not None
         assert scan.texture(0).lit.max() > dark.max() + 30, "the lamp burns in the plain picture"
         camera, T = rig_for(scan).camera, rig_for(scan).T_camera_table
-    page.get_by_role("button", name="Repair it").click()
+    page.get_by_role("button", name="Edit it").click()
     until(page, "turnscan.faces > 3000", OPENING)
     found = mark(page, 3, 240)
     turned = np.array(found["point"]) @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     u, _ = camera.project(T.apply(turned[None]))[0]
     assert u == pytest.approx(found["line"], abs=1), "a line is a column of the picture"
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     disconnect(page)

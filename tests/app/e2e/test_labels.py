@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 from axe_playwright_python.sync_playwright import Axe
 
 from tests.app.e2e.conftest import OPENING, until
-from tests.app.e2e.pages import mark, rows, settled
+from tests.app.e2e.pages import connect, disconnect, mark, rows, settled
 
 SIZES = ((640, 400), (1024, 700))
 """640 px are 1 280 px at 200 % zoom."""
 ROOMS = {
-    "projects": "Scans", "rig": "Rig", "scan": "Scan", "measure": "Inspect", "export": "Export",
+    "projects": "Scans", "rig": "Setup", "scan": "Scan", "measure": "Inspect", "export": "Export",
     "calibrate": "Calibrate",
 }  # fmt: skip
 """What is in the address, and the name of the room's main region."""
@@ -108,7 +108,7 @@ def shown(page, what: str) -> None:
 
 
 def repairing(page) -> Iterator[str]:
-    """The panels of the Repair room, with an edit, one that is undone, and a point."""
+    """The panels of the Edit room, with an edit, one that is undone, and a point."""
     page.get_by_role("button", name="Show expert panels").click()
     page.keyboard.press("Control+a")
     page.keyboard.press("Delete")
@@ -118,18 +118,18 @@ def repairing(page) -> Iterator[str]:
     mark(page, 57, 128)
     for tab in TABS:
         page.get_by_role("tab", name=tab, exact=True).click()
-        shown(page, "Repair")
-        yield f"Repair, {tab}"
+        shown(page, "Edit")
+        yield f"Edit, {tab}"
     tools = page.get_by_role("toolbar", name="Tools")
     for name in WITH_FIELDS:
         tools.get_by_role("button", name=name, exact=True).click()
-        shown(page, "Repair")
-        yield f"Repair, {name}"
+        shown(page, "Edit")
+        yield f"Edit, {name}"
     tools.get_by_role("button", name="Look and click points").click()
 
 
 def dialogs(page) -> Iterator[str]:
-    """The dialogs that any room opens, and that of the Repair room."""
+    """The dialogs that any room opens, and that of the Edit room."""
     for keys in ("?", "Control+k"):
         page.keyboard.press(keys)
         page.get_by_role("dialog").wait_for()
@@ -202,4 +202,31 @@ def test_nothing_is_cut_while_settings_are_tried(open_cup):
         page.set_viewport_size({"width": width, "height": height})
         settled(page)
         wrong += [f"at {width} px: {label}" for label in cut(page)]
+    assert wrong == []
+
+
+def connected(page) -> Iterator[str]:
+    """The rooms of the scanner while it is connected, and while one looks through its camera."""
+    connect(page, "sim:cup?rig=ciclop")
+    shown(page, "Setup")
+    yield "Setup, connected"
+    page.get_by_role("button", name="Start live view").click()
+    page.get_by_role("button", name="Stop live view").wait_for()
+    shown(page, "Setup")
+    yield "Setup, live"
+    page.get_by_role("button", name="Stop live view").click()
+    page.get_by_role("button", name="Scan", exact=True).click()
+    shown(page, "Scan")
+    yield "Scan, connected"
+    page.get_by_role("button", name="Setup", exact=True).click()
+    disconnect(page)
+
+
+def test_nothing_is_cut_or_wrong_while_a_scanner_is_connected(new_page, picture):
+    page = new_page(width=1024)
+    wrong = []
+    for name in connected(page):
+        wrong += looked_at(page, name)
+        page.set_viewport_size({"width": 1024, "height": 700})
+        picture(page, f"labels-{name}".replace(" ", "-"))
     assert wrong == []

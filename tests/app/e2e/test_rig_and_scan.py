@@ -47,15 +47,15 @@ def test_a_scan_grows_pauses_goes_on_and_is_repaired(new_page, picture):
     page.get_by_text("24 of 24 steps").wait_for()
     points = page.get_by_role("region", name="Points").locator(".about")
     assert int(points.inner_text().replace(" ", "").replace("\u2009", "")) > 3000
-    page.get_by_role("button", name="Repair it").click()
+    page.get_by_role("button", name="Edit it").click()
     until(page, "turnscan.faces > 3000")
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     disconnect(page)
 
 
 def test_an_address_that_is_none_is_refused_in_words(new_page):
     page = new_page()
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     page.get_by_role("textbox", name="Camera").fill("sim:nothing")
     page.get_by_role("button", name="Connect", exact=True).click()
     page.get_by_role("alert").filter(has_text="camera, turntable and lasers in one").wait_for()
@@ -182,14 +182,14 @@ def test_a_new_user_calibrates_with_what_is_there_scans_and_verifies(
         assert scan.rig is not None
         assert scan.rig.covariance is not None
     verifies(page, hand, picture, tmp_path / "ball.toml")
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     disconnect(page)
 
 
 def verifies(page: Page, hand: Wizard, picture: Callable[[Any, str], None], path: Path) -> None:
     """Compare the scan with the ball as it is: the rig's own uncertainty covers the difference."""
     path.write_text(ARTEFACT)
-    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     page.get_by_role("button", name="Calibrate …").click()
     hand.step("Verify")
     page.get_by_text("No verification yet.").wait_for()

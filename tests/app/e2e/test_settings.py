@@ -1,4 +1,4 @@
-"""Settings in the Repair room: tried before they are applied, kept by name, and side by side."""
+"""Settings in the Edit room: tried before they are applied, kept by name, and side by side."""
 
 from __future__ import annotations
 
