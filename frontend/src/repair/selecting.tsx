@@ -126,7 +126,13 @@ export function SelectByPanel() {
         </>
       )}
       {by === "sigma" && (
-        <NumberField label="Std. uncertainty above" value={sigma} unit="mm" min={0} onChange={(value) => setSigma(value ?? 0)} />
+        <NumberField
+          label="Std. uncertainty above"
+          value={sigma}
+          unit="mm"
+          min={0}
+          onChange={(value) => setSigma(value ?? 0)}
+        />
       )}
       {by === "quality" && (
         <SelectField
