@@ -154,7 +154,7 @@ function Advice() {
       </dl>
       {!now.closed && format.value !== "xyz" && (
         <p class="advice">
-          The surface is open: a printer or a solid modeller may refuse it. Fill its holes in Repair first.
+          The surface is open: a printer or a solid modeller may refuse it. Fill its holes in Edit first.
         </p>
       )}
       {format.value === "dxf" && now.faces > 200_000 && (
