@@ -3,7 +3,8 @@
 ``python -m bench step_part`` simulates `featuretype.STEP` of the shared data on the paper's rig in
 two poses, lying on its face and on its back, both leaning; joins them, finds shapes, and holds
 these against the faces of the drawing: found, missed, invented, and how far points lie off; then
-writes it as STEP and reads that back. ``--write`` puts the table into the page. ``python -m
+writes it as STEP and reads that back. Which faces a scan in these poses can show is asked of the
+drawing itself, by rays to lamp and lens. ``--write`` puts the table into the page. ``python -m
 bench.step_part PART.STEP`` takes another part, ``--steps`` (200) for each turn; ``--rig``; ``--keep
 FOLDER`` keeps the scans there and finds them again; ``--free`` joins the poses by their own shape,
 not by the drawing.
@@ -14,20 +15,27 @@ from __future__ import annotations
 import argparse
 import math
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from bench import _hole_truth as truth
 from bench import _keep
 from bench._page import DOCS, write
 from bench.surface_truth import scanned
 from turnscan import workflows as w
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.drawings import read_step
 from turnscan.formats import export
-from turnscan.mesh import is_closed
+from turnscan.mesh import Mesh, is_closed
 from turnscan.progress import no_progress
 from turnscan.shapes import deviation, volume_sigma
-from turnscan.simulate import SimulationSpec
+from turnscan.shapes.primitives._find import sigma_of
+from turnscan.shapes.primitives._regions import LEAST, SPAN, prepared, spanned
+from turnscan.shapes.primitives._shapes import KINDS
+from turnscan.simulate import Bench, SimulationSpec
 from turnscan.workflows._aligning import labels_of
 from turnscan.workflows._compare import measured_labels
 from turnscan.workflows._compared_features import matched
@@ -37,8 +45,8 @@ PART = Path(__file__).parents[2] / "shared" / "data" / "parts" / "featuretype.ST
 PAGE = DOCS / "how-to" / "shapes.md"
 POSES = ((0.0, (55.0, 20.0)), (180.0, (55.0, -20.0)))
 """Degrees: how far the part is tipped over, then leans about x and y."""
-_SEEN = 60
-"""Measured vertices that a face must have to count as seen: those of the smallest plane."""
+_PLACES = 100_000
+"""Places of the drawing that are asked for, about."""
 
 
 def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> list[str]:
@@ -58,25 +66,89 @@ def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> 
         )
         for k, (tip, lean) in enumerate(POSES)
     ]
-    scans = [scanned(spec, folder)[1] for spec in specs]
+    made, scans = zip(*(scanned(spec, folder) for spec in specs), strict=True)
     joined = w.join(scans, reference=None if free else drawing)
     found = w.find_shapes(joined)
     moved = w.compare(joined, drawing, align="shape" if free else "none")
-    return _told(drawn, found, moved)
+    return _told(drawn, found, moved, in_sight(drawn, made, steps))
 
 
-def _told(drawn: Nominal, found: w.FoundShapes, moved: w.Comparison) -> list[str]:
+@dataclass(frozen=True)
+class Sight:
+    """What of a face of the drawing some pose shows: a laser lights it, and the camera sees it."""
+
+    area: float
+    """mm²."""
+    normals: Floats
+    """(n, 3) of its places."""
+
+
+def in_sight(drawn: Nominal, made: Sequence[Bench], steps: int) -> list[Sight]:
+    """Each face as rays to lamp and lens tell it, of the part as it stands in each pose."""
+    seen, at = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.int32)
+    for one in made:
+        whole = truth.patches(one)
+        every = 1 + len(whole.area) // _PLACES
+        some = whole.some(np.arange(0, len(whole.area), every, dtype=np.int32))
+        good: Bools = truth.labels(one, some, steps, truth.GRAZING[0]) == truth.MEASURABLE
+        seen = seen | good if len(seen) else good
+        if not len(at):
+            T = one.scene.bodies[0].T_table_part.inverse()
+            lowest = one.scene.bodies[0].part.mesh.vertices.min(axis=0)
+            X = T.apply(some.middle) - lowest + drawn.mesh.vertices.min(axis=0)
+            at = drawn.label[deviation(X, drawn.mesh).face]
+            area = some.area * whole.area.sum() / some.area.sum()
+            normals = some.normal @ one.scene.bodies[0].T_table_part.rotation
+    on = [seen & (at == k) for k in range(len(drawn.shapes))]
+    return [Sight(float(area[own].sum()), normals[own]) for own in on]
+
+
+@dataclass(frozen=True)
+class Faces:
+    """(f,) Which faces of the drawing a scan in these poses shows, and which it measured."""
+
+    visible: Bools
+    """As large a part of it as a shape must have is lit and seen, and turns as far."""
+    measured: Bools
+    """As many points as a shape must have lie on it, within three of their standard deviations,
+    on as much surface."""
+
+
+def faces_of(drawn: Nominal, mesh: Mesh, label: Ints, off: Floats, sight: list[Sight]) -> Faces:
+    """Of a mesh whose vertices (v,) lie ``off`` mm from the faces ``label`` of the drawing."""
+    g = prepared(mesh, sigma_of(mesh), None)
+    least = w.ShapesOptions().smallest * float(g.area.sum())
+    visible, measured = np.zeros((2, len(drawn.shapes)), dtype=np.bool_)
+    for k, (s, shown) in enumerate(zip(drawn.shapes, sight, strict=True)):
+        own = (label == k) & (np.abs(off) <= g.limit)
+        flat = s.kind == "plane"
+        visible[k] = shown.area >= least and (flat or spanned(shown.normals) >= SPAN)
+        measured[k] = (
+            int(own.sum()) >= LEAST[KINDS.index(s.kind)]
+            and float(g.area[own].sum()) >= least
+            and (flat or spanned(g.normals[own]) >= SPAN)
+        )
+    return Faces(visible, measured)
+
+
+def _told(
+    drawn: Nominal, found: w.FoundShapes, moved: w.Comparison, sight: list[Sight]
+) -> list[str]:
     label = labels_of(drawn, moved.every.face, moved.every.beyond)
     match = matched(drawn, label, found.found, measured_labels(found.mesh, found))
-    seen = np.bincount(label[label >= 0], minlength=len(drawn.shapes)) >= _SEEN
-    lines = ["| kind | drawn | seen | found | missed | invented |", "|---|---|---|---|---|---|"]
-    for kind in Counter(s.kind for s in (*drawn.shapes, *found.found.shapes)):
-        of = [k for k, s in enumerate(drawn.shapes) if s.kind == kind]
-        got = {match[k] for k, s in enumerate(found.found.shapes) if s.kind == kind and k in match}
-        alien = sum(s.kind == kind and k not in match for k, s in enumerate(found.found.shapes))
-        visible = sum(bool(seen[k]) for k in of)
-        lost = sum(bool(seen[k]) and k not in got for k in of)
-        lines.append(f"| {kind} | {len(of)} | {visible} | {len(got)} | {lost} | {alien} |")
+    of = faces_of(drawn, moved.mesh, label, moved.every.distance, sight)
+    shapes = found.found.shapes
+    got = np.zeros(len(drawn.shapes), dtype=np.bool_)
+    got[list(match.values())] = True
+    lines = [
+        "| kind | drawn | visible | measured | found | missed of these | invented |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for kind in Counter(s.kind for s in (*drawn.shapes, *shapes)):
+        own = np.array([s.kind == kind for s in drawn.shapes])
+        alien = sum(s.kind == kind and k not in match for k, s in enumerate(shapes))
+        told = (own, own & of.visible, own & of.measured, own & got, own & of.measured & ~got)
+        lines.append(f"| {kind} | {' | '.join(str(int(n.sum())) for n in told)} | {alien} |")
     d = deviation(moved.mesh.vertices, drawn.mesh)
     return [
         *lines,

@@ -9,7 +9,7 @@ from turnscan.mesh import Mesh, Provenance
 from turnscan.shapes.primitives import find_shapes
 from turnscan.shapes.primitives._find import _kept, sigma_of
 from turnscan.shapes.primitives._regions import Region, bent, prepared
-from turnscan.shapes.primitives._surface_kernels import PLANE
+from turnscan.shapes.primitives._surface_kernels import CYLINDER, PLANE
 
 ROWS, SIGMA = 60, 0.02
 
@@ -69,3 +69,38 @@ def test_the_doubt_of_bent_stripes_does_not_vanish_with_their_many_points() -> N
         [plane] = find_shapes(_stripes(off, sigma, seed)).shapes
         ratios.append(plane.point[2] / np.sqrt(plane.covariance[4, 4]))
     assert 0.75 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.3
+
+
+def _bowed(wave: float, sigma: Floats) -> Mesh:
+    """A quarter of a cylinder of 16 mm, a stripe each 1.3 mm along it, with points at 0.4 mm; each
+    stripe has waves of ``wave`` mm, of 8 mm length and a phase of its own."""
+    s = len(sigma)
+    flat = _stripes(np.zeros(s), sigma)
+    rng = np.random.default_rng(3)
+    turn = np.repeat(np.linspace(-np.pi / 4, np.pi / 4, s), ROWS)
+    phase = np.repeat(rng.uniform(0, 2 * np.pi, s), ROWS)
+    z = flat.vertices[:, 1]
+    r = 16.0 + flat.vertices[:, 2] + wave * np.sin(2 * np.pi * z / 8.0 + phase)
+    around = np.stack([r * np.sin(turn), z, r * np.cos(turn)], axis=-1)
+    return Mesh(around, flat.faces, flat.provenance)
+
+
+def test_waves_along_far_stripes_are_no_noise_of_a_cylinder() -> None:
+    sigma = np.full(20, 5 * SIGMA)
+    [plain] = find_shapes(_bowed(0.0, sigma)).shapes
+    assert plain.kind == "cylinder"
+    assert abs(plain.radius - 16.0) < 4 * plain.radius_sigma
+    assert find_shapes(_bowed(0.15, sigma)).shapes == (), "a cell of space averages the waves out"
+
+
+def test_a_band_of_edges_is_no_curved_shape_where_it_is_known_badly() -> None:
+    """Five points wide across all stripes: a fillet, or an edge that the light rounded off."""
+    row = np.tile(np.arange(ROWS), 60)
+    axis = np.concatenate([[0.0, 0, 0], [0, 1.0, 0], [16.0, 0, 0, 0]])
+    band = (row >= 20) & (row < 25)
+    owns = [np.flatnonzero(some) for some in (row < 20, band, row >= 25)]
+    mesh = _bowed(0.0, np.full(60, SIGMA))
+    for worse, many in ((1.0, 3), (3.0, 2)):
+        g = prepared(mesh, np.where(band, 5 * worse * SIGMA, 5 * SIGMA), None)
+        kept, _ = _kept(g, [Region(CYLINDER, axis, 1.0, own) for own in owns])
+        assert len(kept) == many

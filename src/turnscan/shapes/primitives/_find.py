@@ -13,6 +13,7 @@ from turnscan.shapes.primitives import _region_kernels as region
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._regions import (
     LEAST,
+    WAVY,
     Ground,
     Index,
     Region,
@@ -22,8 +23,10 @@ from turnscan.shapes.primitives._regions import (
     close,
     grow_regions,
     merged,
+    poor,
     prepared,
     refit,
+    waves,
 )
 from turnscan.shapes.primitives._relations import adopt
 from turnscan.shapes.primitives._shapes import KINDS, Shape, ShapeSet
@@ -109,12 +112,31 @@ def _kept(g: Ground, found: list[Region]) -> tuple[list[Region], Index]:
         label = _settled(g, found)
         owns = [np.flatnonzero(label == k) for k in range(len(found))]
         good = [
-            int(g.firm[own].sum()) >= LEAST[r.kind] and not bent(g, own)
+            int(g.firm[own].sum()) >= LEAST[r.kind] and not bent(g, own) and _broad(g, r, own)
             for r, own in zip(found, owns, strict=True)
         ]
         if all(good):
             return found, label
         found = [r for r, keep in zip(found, good, strict=True) if keep]
+
+
+def _broad(g: Ground, r: Region, own: Index) -> bool:
+    """Whether a curved region that is known badly is more than a band of its own edges: the edge of
+    a part that the light rounds off lies on a cone. One that is known well may be a fillet."""
+    if r.kind == PLANE or not poor(g, own):
+        return True
+    member = np.zeros(len(g.vertices), dtype=np.bool_)
+    member[own] = True
+    core = region.eroded(member, g.start, g.near, np.zeros_like(g.border), _EDGE)
+    return int(core.sum()) >= _KEEP * len(own)
+
+
+def _true(g: Ground, fit: _Fit) -> bool:
+    """Whether a shape knows what it says, and misses its points by nothing but noise."""
+    kind = fit.region.kind
+    if not (fit.sure() and close(g, kind, fit.q, fit.used)):
+        return False
+    return kind == PLANE or waves(g, kind, fit.q, fit.used) <= WAVY
 
 
 def _settled(g: Ground, found: list[Region]) -> Index:
@@ -230,7 +252,7 @@ def _finished(
         own = label == k
         for core in _cores(g, own):
             fit = _Fit(g, r, own, core)
-            if fit.sure() and close(g, r.kind, fit.q, fit.used):
+            if _true(g, fit):
                 fits.append(fit)
                 owns.append(own)
                 break

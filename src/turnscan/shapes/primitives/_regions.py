@@ -36,6 +36,8 @@ _PATTERN = 0.15
 _EXCESS = 0.22
 """Share of the tolerance by which points may miss their surface beyond what their neighbours say
 is noise, root mean square. Freeform has 0.25 to 0.45, shapes of scans less than 0.17."""
+WAVY = 0.2
+"""The same for the means along stripes: shapes of scans have up to 0.12, freeform 0.27 and more."""
 _TURN = float(np.cos(np.radians(25.0)))
 """Between the normal of the surface and the smooth normal of the mesh."""
 _GENTLE = float(np.cos(np.radians(20.0)))
@@ -48,7 +50,7 @@ _NARROW = (PLANE, CONE)
 LEAST = (60, 400, 200, 400, 500)
 """Vertices that a region of each kind must have."""
 _SIMPLEST = (PLANE, CYLINDER, CONE, SPHERE, TORUS)
-_SPAN = float(np.radians(20.0))
+SPAN = float(np.radians(20.0))
 """Angle that the normals of a curved region span at the least: less of it says no radius."""
 _CELL = 9
 """Vertices of a cell, about."""
@@ -117,6 +119,8 @@ class Ground:
     """mm between neighbours."""
     stripe: Index | None
     """(v,) number of the stripe that measured each; None where not known."""
+    along: Index | None
+    """(v,) place of each in the order of stripes and of the lines on them; None as for stripes."""
     stripes: int
     """How many there are."""
     usual: float
@@ -173,10 +177,13 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     area = np.bincount(mesh.faces.ravel(), np.repeat(faces, 3), minlength=len(X)).astype(float)
     many = np.bincount(mesh.faces.ravel(), minlength=len(X))
     border = np.diff(start) > many
-    stripe = _stripe_numbers(mesh)
+    stripe, along = _stripe_numbers(mesh), None
+    if stripe is not None and mesh.provenance is not None:
+        along = np.empty(len(X), dtype=np.int64)
+        along[np.lexsort((mesh.provenance.line, stripe))] = np.arange(len(X))
     return Ground(
         X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing,
-        stripe, 0 if stripe is None else len(np.unique(stripe)),
+        stripe, along, 0 if stripe is None else len(np.unique(stripe)),
         float(np.median(scale)) if len(scale) else 0.0, size,
     )  # fmt: skip
 
@@ -336,7 +343,7 @@ class _Search:
                 return None
         if len(member) < LEAST[kind] or float(g.area[member].sum()) < self.least:
             return None
-        if kind != PLANE and _span(g, kind, q, member) < _SPAN:
+        if kind != PLANE and _span(g, kind, q, member) < SPAN:
             return None
         if not fair(g, kind, q, member):
             return None
@@ -369,13 +376,17 @@ class _Search:
 
 
 def _span(g: Ground, kind: int, q: Floats, member: Index) -> float:
-    """Radians between normals of the surface over a region: twice the widest from their mean."""
-    n = surface.distances(kind, q, g.vertices[_thinned(member, 500)])[1]
-    mean = n.mean(axis=0)
+    """Radians between normals of the surface over a region."""
+    return spanned(surface.distances(kind, q, g.vertices[_thinned(member, 500)])[1])
+
+
+def spanned(normals: Floats) -> float:
+    """Radians between normals (n, 3): twice the widest from their mean; π where they go round."""
+    mean = normals.mean(axis=0)
     long = float(np.linalg.norm(mean))
     if long < 0.5:
         return float(np.pi)
-    return 2 * float(np.arccos(np.clip(np.quantile(n @ (mean / long), 0.02), -1, 1)))
+    return 2 * float(np.arccos(np.clip(np.quantile(normals @ (mean / long), 0.02), -1, 1)))
 
 
 def merged(g: Ground, regions: list[Region]) -> list[Region]:
@@ -464,12 +475,17 @@ def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
 def bent(g: Ground, member: Index) -> bool:
     """Whether members are a few stripes that are known badly, as beside edges: what bends a stripe
     there does so alike all along it, and a band of such stripes is as smooth as a face."""
-    if g.stripe is None or float(np.median(g.scale[member])) <= _POOR * g.usual:
+    if g.stripe is None or not poor(g, member):
         return False
     many = np.unique(g.stripe[member], return_counts=True)[1].astype(float)
     # A stripe of which a point or two lie at the end of the band is no stripe of it.
     full = float(many.sum()) ** 2 / float((many**2).sum())
     return full < _FEW <= g.stripes / _MANY
+
+
+def poor(g: Ground, member: Index) -> bool:
+    """Whether members are known worse than most of the part."""
+    return float(np.median(g.scale[member])) > _POOR * g.usual
 
 
 def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
@@ -499,11 +515,33 @@ def pattern(g: Ground, kind: int, q: Floats, member: Index) -> float:
     What independent noise gives them is taken off, and the worst tenth, which lies at edges.
     """
     d = surface.distances(kind, q, g.vertices[member])[0] / g.limit[member]
-    cell = cells(g, member)
+    off = _means_off(d, cells(g, member))
+    return off if off is not None else 0.0 if kind == PLANE else float("inf")
+
+
+def waves(g: Ground, kind: int, q: Floats, member: Index) -> float:
+    """The same of the means of `_CELL` neighbours on one stripe; 0 where stripes are not known.
+
+    Where stripes stand further apart than the points on them, a cell of space averages the waves
+    out that a freeform surface makes along each stripe.
+    """
+    if g.stripe is None or g.along is None:
+        return 0.0
+    member = member[np.argsort(g.along[member])]
+    d = surface.distances(kind, q, g.vertices[member])[0] / g.limit[member]
+    first = np.diff(g.stripe[member], prepend=-1) != 0
+    number = np.arange(len(member))
+    run = (number - np.maximum.accumulate(np.where(first, number, 0))) // _CELL
+    off = _means_off(d, np.cumsum(first | (np.diff(run, prepend=0) != 0)) - 1)
+    return 0.0 if off is None else off
+
+
+def _means_off(d: Floats, cell: Index) -> float | None:
+    """Root mean square of the means of values over cells; None where there are too few."""
     count = np.bincount(cell)
     good = count >= 4
     if good.sum() < 6:
-        return 0.0 if kind == PLANE else float("inf")
+        return None
     mean = np.bincount(cell, d)[good] / count[good]
     spread = np.bincount(cell, d * d)[good] / count[good] - mean**2
     keep = np.abs(mean) <= np.quantile(np.abs(mean), 0.9)
