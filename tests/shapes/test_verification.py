@@ -17,6 +17,7 @@ from turnscan.arrays import Floats
 from turnscan.errors import FormatError, InputError
 from turnscan.points import build_grid
 from turnscan.rig import Rig
+from turnscan.shapes import fit_sphere
 from turnscan.shapes.verification import (
     Artefact,
     Kind,
@@ -117,6 +118,23 @@ def test_the_stated_uncertainty_covers_95_per_cent(
         inside = float(np.mean(np.abs(value - truth) <= U))
         print(f"{first.name}: {inside:.1%} of {RUNS} within U, mean U {1e3 * U.mean():.1f} µm")
         assert 0.93 <= inside <= 0.975, first.name
+
+
+def test_points_that_scatter_more_at_one_end_are_not_all_counted_alike() -> None:
+    """A ball seen far away at its top: its height and size are stated as they scatter."""
+    dice = np.random.default_rng(11)
+    z, plain = [], []
+    for _ in range(150):
+        out = ball_points(dice, np.zeros(3), 1.0, 600)
+        noise = np.where(out[:, 2] > 0.5, 0.08, 0.02) * dice.standard_normal(len(out))
+        points = (20.0 + noise[:, None]) * out
+        found = ball_at(Survey(points), np.zeros(3), 20.0).sphere
+        error = np.array([found.centre[2], found.radius - 20.0])
+        z.append(error / np.sqrt(np.diag(found.covariance)[2:]))
+        plain.append(error / np.sqrt(np.diag(fit_sphere(points).covariance)[2:]))
+    off = [np.abs(np.sqrt(np.mean(np.square(one), axis=0)) - 1.0) for one in (z, plain)]
+    assert off[0].max() < 0.15
+    assert off[1].max() > 0.2, "as if all scattered alike"
 
 
 def modern_like() -> Rig:

@@ -94,12 +94,27 @@ def ball_at(survey: Survey, centre: Floats, radius: float) -> Ball:
             )
         first = fit_sphere(X[good])
         centre, radius = first.centre, first.radius
-    fit = fit_sphere(X[good[kept(np.linalg.norm(X[good] - centre, axis=1) - radius)]])
+    inner = kept(np.linalg.norm(X[good] - centre, axis=1) - radius)
+    fit = fit_sphere(X[good[inner]])
     out = X[good] - fit.centre
     residual = np.linalg.norm(out, axis=1) - fit.radius
     shared = clumping(residual, _cell(out), 4)
-    sphere = Sphere(fit.centre, fit.radius, fit.rms, fit.covariance * shared, fit.count)
+    covariance = shared * _scattered(out[inner], residual[inner])
+    sphere = Sphere(fit.centre, fit.radius, fit.rms, covariance, fit.count)
     return Ball(good, sphere, residual, 1.0 - len(good) / max(len(on), 1), shared)
+
+
+def _scattered(out: Floats, residual: Floats) -> Floats:
+    """(4, 4) mm²: covariance of the sphere through points (n, 3) from its centre, not weighted.
+
+    From each point's own residual (n,), for those that are seen at an angle, or far away, scatter
+    more than others (H. White, A heteroskedasticity-consistent covariance matrix, 1980).
+    """
+    J = np.column_stack([-out / np.linalg.norm(out, axis=1)[:, None], -np.ones(len(out))])
+    back = np.linalg.pinv(J)
+    share = len(out) / (len(out) - J.shape[1])
+    covariance: Floats = share * (back * residual**2) @ back.T
+    return covariance
 
 
 def ball_moves(survey: Survey, ball: Ball, some: Index) -> tuple[Floats, Floats]:
