@@ -8,7 +8,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.compiled import njit
-from turnscan.shapes.primitives._surface_kernels import _at
+from turnscan.shapes.primitives._surface_kernels import at, lean
 
 
 class Neighbourhood(NamedTuple):
@@ -31,7 +31,7 @@ class Marks(NamedTuple):
     label: Longs
     """(v,) the region of each vertex; negative where it is free."""
     seen: Longs
-    """(v,) the last ``mark`` under which a vertex was taken."""
+    """(v,) the last ``mark`` under which a vertex was taken, or asked."""
     mark: int
     """Of this search; each search has its own."""
 
@@ -202,15 +202,14 @@ def better_about(
 
 @njit(cache=True, nogil=True)
 def _lies_on(
-    surface: Surface, ground: Neighbourhood, marks: Marks, k: int, cos_turn: float, n: Floats
+    surface: Surface, cs: tuple[float, float], ground: Neighbourhood, k: int, cos_turn: float
 ) -> bool:
-    """Whether a vertex is free, not yet seen, and on the surface; ``n`` (3,) is overwritten."""
-    if marks.seen[k] == marks.mark or marks.label[k] >= 0:
+    """Whether a vertex is on the surface, whose `lean` is ``cs``, and turned as it is."""
+    X, N, q = ground.vertices, ground.normals, surface.q
+    d, n0, n1, n2, _, _ = at(surface.kind, q, cs[0], cs[1], X[k, 0], X[k, 1], X[k, 2])
+    if abs(d) > ground.limit[k]:
         return False
-    if abs(_at(surface.kind, surface.q, ground.vertices[k], n)[0]) > ground.limit[k]:
-        return False
-    normals = ground.normals
-    c = n[0] * normals[k, 0] + n[1] * normals[k, 1] + n[2] * normals[k, 2]
+    c = n0 * N[k, 0] + n1 * N[k, 1] + n2 * N[k, 2]
     return bool(c * surface.side >= cos_turn)
 
 
@@ -220,27 +219,31 @@ def grown(
 ) -> Longs:
     """Up to ``most`` free vertices connected to the seeds that lie on the surface, nearest first.
 
-    Each is within its limit, its smooth normal within the turn of the surface's.
+    Each is within its limit, its smooth normal within the turn of the surface's. Those that are
+    not are marked as seen, too: they would be asked again from each of their neighbours.
     """
     most = min(most, len(ground.vertices))
+    start, near, label, seen, mark = ground.start, ground.near, marks.label, marks.seen, marks.mark
     queue = np.empty(most, dtype=np.int64)
-    n = np.empty(3)
+    cs = lean(surface.kind, surface.q)
     filled = 0
     for k in seeds:
-        if filled < most and _lies_on(surface, ground, marks, k, cos_turn, n):
-            marks.seen[k] = marks.mark
-            queue[filled] = k
-            filled += 1
-    at = 0
-    while at < filled and filled < most:
-        here = queue[at]
-        at += 1
-        for e in range(ground.start[here], ground.start[here + 1]):
-            k = ground.near[e]
-            if filled < most and _lies_on(surface, ground, marks, k, cos_turn, n):
-                marks.seen[k] = marks.mark
+        if filled < most and seen[k] != mark and label[k] < 0:
+            seen[k] = mark
+            if _lies_on(surface, cs, ground, k, cos_turn):
                 queue[filled] = k
                 filled += 1
+    next_ = 0
+    while next_ < filled and filled < most:
+        here = queue[next_]
+        next_ += 1
+        for e in range(start[here], start[here + 1]):
+            k = near[e]
+            if filled < most and seen[k] != mark and label[k] < 0:
+                seen[k] = mark
+                if _lies_on(surface, cs, ground, k, cos_turn):
+                    queue[filled] = k
+                    filled += 1
     return queue[:filled].copy()
 
 
@@ -275,7 +278,6 @@ def settled(
     kinds, q, side, reach = surfaces
     vertices, normals, limit = ground.vertices, ground.normals, ground.limit
     now = label.copy()
-    n = np.empty(3)
     for _ in range(rounds):
         then = now.copy()
         changed = 0
@@ -284,9 +286,13 @@ def settled(
                 k = then[ground.near[e]]
                 if k < 0 or k == now[i]:
                     continue
-                d = abs(_at(kinds[k], q[k], vertices[i], n)[0])
+                own = q[k]
+                cos, sin = lean(kinds[k], own)
+                x, y, height = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+                d, n0, n1, n2, _, _ = at(kinds[k], own, cos, sin, x, y, height)
+                d = abs(d)
                 z = d / limit[i]
-                c = n[0] * normals[i, 0] + n[1] * normals[i, 1] + n[2] * normals[i, 2]
+                c = n0 * normals[i, 0] + n1 * normals[i, 1] + n2 * normals[i, 2]
                 if z < off[i] and d <= reach[k] and c * side[k] > 0.0:
                     off[i] = z
                     now[i] = k

@@ -57,34 +57,42 @@ def frame(axis: Floats) -> tuple[Floats, Floats]:
 
 
 @njit(cache=True, nogil=True)
-def _at(kind: int, q: Floats, x: Floats, n: Floats) -> tuple[float, float, float]:
-    """Distance of a point, derivatives by r and s; fills the normal n (3,)."""
-    y0, y1, y2 = x[0] - q[0], x[1] - q[1], x[2] - q[2]
+def lean(kind: int, q: Floats) -> tuple[float, float]:
+    """Cosine and sine of a cone's angle, which `at` needs for each point; 1 and 0 of the others."""
+    if kind == 3:
+        return np.cos(q[7]), np.sin(q[7])
+    return 1.0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def at(
+    kind: int, q: Floats, c: float, s: float, x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float]:
+    """Distance of a point, the normal (three numbers), derivatives by r and s; `lean` is c and s.
+
+    It takes and gives numbers alone, for a view of an array costs more than what is done here.
+    """
+    y0, y1, y2 = x - q[0], y - q[1], z - q[2]
     t = y0 * q[3] + y1 * q[4] + y2 * q[5]
     if kind == 0:
-        n[0], n[1], n[2] = q[3], q[4], q[5]
-        return t, 0.0, 0.0
+        return t, q[3], q[4], q[5], 0.0, 0.0
     if kind == 1:
         long = max(np.sqrt(y0 * y0 + y1 * y1 + y2 * y2), _TINY)
-        n[0], n[1], n[2] = y0 / long, y1 / long, y2 / long
-        return long - q[6], -1.0, 0.0
+        return long - q[6], y0 / long, y1 / long, y2 / long, -1.0, 0.0
     o0, o1, o2 = y0 - t * q[3], y1 - t * q[4], y2 - t * q[5]
     rho = np.sqrt(o0 * o0 + o1 * o1 + o2 * o2)
     safe = max(rho, _TINY)
     o0, o1, o2 = o0 / safe, o1 / safe, o2 / safe
-    if kind == 2:
-        n[0], n[1], n[2] = o0, o1, o2
-        return rho - q[6], -1.0, 0.0
-    if kind == 3:
-        c, s = np.cos(q[7]), np.sin(q[7])
-        n[0], n[1], n[2] = c * o0 - s * q[3], c * o1 - s * q[4], c * o2 - s * q[5]
-        away = rho - q[6]
-        return away * c - t * s, -c, -away * s - t * c
     away = rho - q[6]
+    if kind == 2:
+        return away, o0, o1, o2, -1.0, 0.0
+    if kind == 3:
+        n0, n1, n2 = c * o0 - s * q[3], c * o1 - s * q[4], c * o2 - s * q[5]
+        return away * c - t * s, n0, n1, n2, -c, -away * s - t * c
     ring = max(np.sqrt(away * away + t * t), _TINY)
     f, g = away / ring, t / ring
-    n[0], n[1], n[2] = f * o0 + g * q[3], f * o1 + g * q[4], f * o2 + g * q[5]
-    return ring - q[7], -f, -1.0
+    n0, n1, n2 = f * o0 + g * q[3], f * o1 + g * q[4], f * o2 + g * q[5]
+    return ring - q[7], n0, n1, n2, -f, -1.0
 
 
 @njit(cache=True, nogil=True)
@@ -92,36 +100,41 @@ def distances(kind: int, q: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Signed distances (n,) mm of points (n, 3), and unit normals (n, 3) of the surface there."""
     d = np.empty(len(points))
     normals = np.empty((len(points), 3))
+    c, s = lean(kind, q)
     for i in range(len(points)):
-        d[i] = _at(kind, q, points[i], normals[i])[0]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        d[i], normals[i, 0], normals[i, 1], normals[i, 2], _, _ = at(kind, q, c, s, x, y, z)
     return d, normals
 
 
 @njit(cache=True, nogil=True)
-def _row(kind: int, q: Floats, e1: Floats, e2: Floats, x: Floats, n: Floats, J: Floats) -> float:
+def _row(
+    kind: int, q: Floats, e1: Floats, e2: Floats, cs: tuple[float, float],
+    x: float, y: float, z: float, J: Floats,
+) -> float:  # fmt: skip
     """Distance of a point; fills its derivatives (7,) by the local parameters."""
-    d, J[5], J[6] = _at(kind, q, x, n)
-    y0, y1, y2 = x[0] - q[0], x[1] - q[1], x[2] - q[2]
-    c0 = y1 * n[2] - y2 * n[1]
-    c1 = y2 * n[0] - y0 * n[2]
-    c2 = y0 * n[1] - y1 * n[0]
+    d, n0, n1, n2, J[5], J[6] = at(kind, q, cs[0], cs[1], x, y, z)
+    y0, y1, y2 = x - q[0], y - q[1], z - q[2]
+    c0 = y1 * n2 - y2 * n1
+    c1 = y2 * n0 - y0 * n2
+    c2 = y0 * n1 - y1 * n0
     J[0] = -(e2[0] * c0 + e2[1] * c1 + e2[2] * c2)
     J[1] = e1[0] * c0 + e1[1] * c1 + e1[2] * c2
-    J[2] = -(e1[0] * n[0] + e1[1] * n[1] + e1[2] * n[2])
-    J[3] = -(e2[0] * n[0] + e2[1] * n[1] + e2[2] * n[2])
-    J[4] = -(q[3] * n[0] + q[4] * n[1] + q[5] * n[2])
-    return d
+    J[2] = -(e1[0] * n0 + e1[1] * n1 + e1[2] * n2)
+    J[3] = -(e2[0] * n0 + e2[1] * n1 + e2[2] * n2)
+    J[4] = -(q[3] * n0 + q[4] * n1 + q[5] * n2)
+    return float(d)
 
 
 @njit(cache=True, nogil=True)
 def jacobian(kind: int, q: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Distances (n,) and derivatives (n, 7) by the local parameters."""
     e1, e2 = frame(q[3:6])
+    cs = lean(kind, q)
     d = np.empty(len(points))
     J = np.empty((len(points), 7))
-    n = np.empty(3)
     for i in range(len(points)):
-        d[i] = _row(kind, q, e1, e2, points[i], n, J[i])
+        d[i] = _row(kind, q, e1, e2, cs, points[i, 0], points[i, 1], points[i, 2], J[i])
     return d, J
 
 
@@ -148,11 +161,11 @@ def moved_across(q: Floats, e1: Floats, e2: Floats, step: Floats) -> Floats:
 @njit(cache=True, nogil=True)
 def _cost(kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, bound: float) -> float:
     """Sum of squares over the scale, each at most ``bound``² (truncated least squares)."""
-    n = np.empty(3)
+    c, s = lean(kind, q)
     total = 0.0
     for i in index:
-        z = _at(kind, q, points[i], n)[0] / scale[i]
-        total += min(z * z, bound * bound)
+        off = at(kind, q, c, s, points[i, 0], points[i, 1], points[i, 2])[0] / scale[i]
+        total += min(off * off, bound * bound)
     return total
 
 
@@ -198,10 +211,10 @@ def _normal(
     """Normal matrix and right side of the parameters ``which``, of points within the bound."""
     k = len(which)
     e1, e2 = frame(q[3:6])
-    J, n = np.empty(7), np.empty(3)
+    cs, J = lean(kind, q), np.empty(7)
     N, g = np.zeros((k, k)), np.zeros(k)
     for i in index:
-        d = _row(kind, q, e1, e2, points[i], n, J)
+        d = _row(kind, q, e1, e2, cs, points[i, 0], points[i, 1], points[i, 2], J)
         if abs(d) > bound * scale[i]:
             continue
         w = 1.0 / (scale[i] * scale[i])
