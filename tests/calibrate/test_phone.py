@@ -6,6 +6,7 @@ import re
 import shlex
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -37,14 +38,32 @@ def test_a_phone_and_a_hand_measure_a_ball(tmp_path: Path, monkeypatch: pytest.M
     for command in commands:
         done = CliRunner().invoke(turnscan, shlex.split(command))
         assert done.exit_code == 0, f"{command}: {done.output} {done.exception!r}"
-    mesh = read_mesh((tmp_path / "part.stl").read_bytes(), ".stl")
-    points = np.asarray(mesh.vertices)
+    assert_ball(tmp_path / "part.stl")
+    as_video(tmp_path / "part", tmp_path / "part.mp4")
+    for command in (commands[1].replace(" part ", " part.mp4 "), commands[2]):
+        done = CliRunner().invoke(turnscan, shlex.split(command.replace("part.tu", "film.tu")))
+        assert done.exit_code == 0, f"{command}: {done.output} {done.exception!r}"
+    assert_ball(tmp_path / "part.stl")
+
+
+def as_video(pictures: Path, path: Path) -> None:
+    """What a phone films while the disc is turned past the places of the pictures."""
+    read = [cv2.imread(str(name)) for name in sorted(pictures.iterdir())]
+    size = read[0].shape[1], read[0].shape[0]
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 30, size)
+    for picture in read:
+        film.write(picture)
+    film.release()
+
+
+def assert_ball(path: Path) -> None:
+    """It has the size that it has and lies where it does. A pixel is 0.9 mm wide there."""
+    points = np.asarray(read_mesh(path.read_bytes(), ".stl").vertices)
     ball = points[points[:, 2] > 8.0]
     for _ in range(3):
         fit = fit_sphere(ball)
         off = np.abs(np.linalg.norm(ball - fit.centre, axis=1) - fit.radius)
         ball = ball[off < 3 * np.median(off) + 0.05]
     assert len(ball) > 0.5 * len(points)
-    # A pixel is 0.9 mm wide there.
     assert 2 * fit.radius == pytest.approx(2 * RADIUS, abs=0.5)
     assert fit.centre == pytest.approx(BALL, abs=0.4)
