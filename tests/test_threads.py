@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -14,7 +16,7 @@ from turnscan.points import _wholeness_kernels
 from turnscan.surface import _grid_kernels
 from turnscan.surface.holes import _patch_kernels
 from turnscan.threads import VARIABLE, in_parts
-from turnscan.workflows import _precompile
+from turnscan.workflows import _compile_ahead, _precompile
 
 
 @pytest.mark.parametrize("threads", ["1", "3"])
@@ -40,7 +42,7 @@ def test_surfaces_are_compiled_beforehand() -> None:
 def test_a_script_that_guards_nothing_may_compile() -> None:
     # From the standard input there is no file that another process could run again.
     script = (
-        "from turnscan.workflows import _precompile as p\n"
+        "from turnscan.workflows import _compile_ahead, _precompile as p\n"
         "p._PARTS = {'surfaces': None}\n"
         "p.was_compiled = lambda part, state: False\n"
         "p.precompile()\n"
@@ -60,3 +62,33 @@ def test_without_a_folder_nothing_is_compiled_in_vain(monkeypatch: pytest.Monkey
     monkeypatch.setattr(compiled, "_base", lambda: None)
     with pytest.raises(ExportError, match="machine code can be kept in no folder"):
         _precompile.precompile()
+
+
+def test_of_all_runs_on_a_machine_one_is_the_first(tmp_path: Path) -> None:
+    code = "from turnscan.compiled import is_first_run as first; print(first(), first())"
+    for expected in ("True False", "False False"):
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+        )  # fmt: skip
+        assert done.stdout.strip() == expected
+
+
+@pytest.mark.parametrize(("first", "threads"), [(True, "2"), (True, "1"), (False, "2")])
+def test_the_first_run_alone_has_kernels_compiled_ahead(
+    first: bool, threads: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[_compile_ahead.CompileJob] = []
+    begin = _compile_ahead.CompileJob.__init__
+
+    def seen(job: _compile_ahead.CompileJob, part: str) -> None:
+        begin(job, part)
+        started.append(job)
+
+    monkeypatch.setattr(_compile_ahead.CompileJob, "__init__", seen)
+    monkeypatch.setattr(compiled, "is_first_run", lambda: first)
+    monkeypatch.setenv(VARIABLE, threads)
+    with _compile_ahead.compiling_ahead():
+        assert len(started) == (first and threads == "2")
+        assert all(job._process.poll() is None for job in started)
+    assert all(job._process.poll() is not None for job in started)

@@ -82,6 +82,18 @@ def kept_in() -> Path | None:
     return _base()
 
 
+def is_first_run() -> bool:
+    """Whether nobody asked this before, where machine code is kept."""
+    base = _base()
+    if base is None:
+        return False
+    try:
+        (base / "begun").touch(exist_ok=False)
+    except OSError:
+        return False
+    return True
+
+
 def state_of_sources() -> str:
     """Hash of all that the machine code of all kernels depends on."""
     modules = sorted(p for p in _PACKAGE.rglob("*.py") if _USES.search(p.read_bytes()))

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import signal
-import subprocess
 import sys
 import tempfile
 from contextlib import ExitStack
@@ -14,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from turnscan import points
-from turnscan.compiled import kept_in, note_compiled, state_of_sources, was_compiled
+from turnscan.compiled import is_first_run, kept_in, note_compiled, state_of_sources, was_compiled
 from turnscan.detection import Detection, View
 from turnscan.errors import ExportError
 from turnscan.formats import export
@@ -28,6 +24,7 @@ from turnscan.shapes import deviation
 from turnscan.simulate import SimulationSpec, bench
 from turnscan.stripes import Stripe, Stripes
 from turnscan.surface.holes import ClosingOptions
+from turnscan.workflows._compile_ahead import SURFACES, CompileJob
 from turnscan.workflows._demo import demo
 from turnscan.workflows._demo_options import DemoOptions
 
@@ -60,50 +57,16 @@ def precompile(progress: Progress = no_progress) -> None:
             "machine code can be kept in no folder, beside turnscan or in the user's cache",
             hint="name a folder that can be written in the environment variable NUMBA_CACHE_DIR",
         )
+    is_first_run()  # of all there are: none of the two has more compiled ahead
     state = state_of_sources()
     with ExitStack() as stack:
         wanted = [part for part in _PARTS if not was_compiled(part, state)]
         # Of its own, as a pool of processes would run a caller's script again.
-        jobs = {part: stack.enter_context(_Job(part)) for part in wanted}
+        jobs = {part: stack.enter_context(CompileJob(part)) for part in wanted}
         for done, (part, job) in enumerate(jobs.items(), 1):
             job.wait()
             note_compiled(part, state)
             progress(done / len(jobs), "compiling")
-
-
-class _Job:
-    """A process that compiles one part; it ends with the block."""
-
-    def __init__(self, part: str) -> None:
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
-        # Away from the terminal, whose interruption is this process's to handle.
-        self._process = subprocess.Popen(  # noqa: S603 (our own module, no shell)
-            [sys.executable, "-m", __name__, part],
-            stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._said, start_new_session=True,
-        )  # fmt: skip
-
-    def __enter__(self) -> _Job:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
-                # With what it started itself, where a group of processes can be ended.
-                if hasattr(os, "killpg"):
-                    os.killpg(self._process.pid, signal.SIGKILL)
-                self._process.kill()
-        self._process.wait()
-        self._said.close()
-
-    def wait(self) -> None:
-        """Until it is done; raises ExportError with its last line where it failed."""
-        if self._process.wait():
-            self._said.seek(0)
-            lines = self._said.read().decode(errors="replace").strip().splitlines()
-            raise ExportError(
-                f"compiling failed: {lines[-1] if lines else 'its process was ended'}",
-                hint="run it again; what is compiled already takes no time",
-            )
 
 
 def _pictures() -> None:
@@ -149,7 +112,7 @@ def _column(rig: Rig, laser: str) -> Stripes:
     return Stripes(laser, tuple(range(_STEPS)), angles, (stripe,) * _STEPS)
 
 
-_PARTS = {"pictures": _pictures, "surfaces": _surfaces}
+_PARTS = {"pictures": _pictures, SURFACES: _surfaces}
 
 if __name__ == "__main__":
     _PARTS[sys.argv[1]]()

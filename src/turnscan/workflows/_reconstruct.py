@@ -17,6 +17,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.stripes import Detector
+from turnscan.workflows._compile_ahead import compiling_ahead
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import repairs, wanted_history
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name, kept_options, store_options
@@ -135,9 +136,10 @@ def _of_scan(
         settings = replace(settings, stripes=replace(settings.stripes, strategy=detector))
     looks = sum(len(lit_in(name, rig)) * len(scan.steps(name)) for name in scan.plan.lasers)
     tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
-    seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
-    surfacing = progress.subrange(_DETECTION, _SURFACE, "building the surface")
-    done = build(seen, settings, edits, surfacing)
+    with compiling_ahead():
+        seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
+        surfacing = progress.subrange(_DETECTION, _SURFACE, "building the surface")
+        done = build(seen, settings, edits, surfacing)
     remarks = below_stored(scan, settings.stripes.threshold)
     if len(seen) > 1:  # one laser says nothing about the table
         from turnscan.workflows._refine import table_findings

@@ -36,6 +36,7 @@ from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
 from turnscan.surface.holes import CAUSE_WORDS, Hole, explain, holes
 from turnscan.workflows._compare_options import CompareOptions
+from turnscan.workflows._compile_ahead import compiling_ahead
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._gallery import THUMBNAIL
 from turnscan.workflows._history import history_of, repairs
@@ -144,10 +145,11 @@ class ScanSession:
                 if isinstance(action, edit.Add):
                     self._steps.made(action.id, entry.time)
             history = history_of(self.scan)
-            if first is not None:
-                self._show_first(history, first, progress)
-            rest = self._prepared(history, progress)
-            document = edit.Document.open(self._build, history, rest, self._source)
+            with compiling_ahead():
+                if first is not None:
+                    self._show_first(history, first, progress)
+                rest = self._prepared(history, progress)
+                document = edit.Document.open(self._build, history, rest, self._source)
             self.now = self._state(document, 0, secrets.randbits(_EPOCH_BITS))
         except BaseException:
             self.scan.close()
