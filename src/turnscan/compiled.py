@@ -83,7 +83,7 @@ def kept_in() -> Path | None:
 
 
 def is_first_run() -> bool:
-    """Whether nobody asked this before, where machine code is kept."""
+    """Whether this is asked for the first time where machine code is kept."""
     base = _base()
     if base is None:
         return False
