@@ -33,7 +33,7 @@ from turnscan.settings import Settings
 from turnscan.simulate import Bench
 from turnscan.surface.holes import Hole
 
-RIG, STEPS = "paper", 48
+RIG = "paper"
 ASKED = 5_000
 """Missing triangles of a scan that are asked, about."""
 PAGE = _page.DOCS / "explain" / "surface.md"
@@ -162,14 +162,14 @@ LIGHT: Mapping[str, Callable[[Rig], Rig]] = {
 
 def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Share]:
     """Of one scene, with one line and with two."""
-    made, path = scanned(scene.spec(RIG, STEPS, folder), folder, scene.paint)
+    made, path = scanned(scene.spec(RIG, folder), folder, scene.paint)
     rig = LIGHT[light](made.rig)
     with Scan.open(path) as scan:
-        run = Run(made, STEPS, tuple(detect_scan(scan, rig, Settings().stripes)))
+        run = Run(made, scene.steps, tuple(detect_scan(scan, rig, Settings().stripes)))
     out = []
     for lines, done in ((1, run.one), (2, run.both)):
         lit = replace(made, beams=made.beams[:lines])
-        out.append(share(lit, STEPS, done.opened or done.mesh, done.holes))
+        out.append(share(lit, scene.steps, done.opened or done.mesh, done.holes))
     return out[0], out[1]
 
 

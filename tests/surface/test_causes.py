@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -365,7 +366,62 @@ def test_what_light_and_look_come_to_too_flatly_is_grazing(
     scene = causes._Scene.of(mesh, [])
     found = causes._reachable(one, [ScanCoverage(rig, grid, Volume())], scene)
     assert found.both[0] == (name == "measurable")
-    assert (found.hider[0] == causes.FLAT) == (name == "grazing")
+    assert (found.hider[0] == causes._FLAT_TO_BOTH) == (name == "grazing")
+
+
+@pytest.mark.parametrize(
+    ("votes", "name"),
+    [
+        ({"grazing": 3.0, "laser": 2.0, "camera": 1.0}, "grazing"),
+        ({"flat to the laser": 3.0, "camera": 2.0, "dark": 2.0}, "grazing"),
+        ({"flat to the laser": 3.0, "laser": 1.0, "dark": 3.5}, "laser"),
+        ({"flat to the camera": 3.0, "laser": 4.0, "camera": 1.5}, "camera"),
+        ({"hidden from both": 2.0, "laser": 1.0, "outside": 2.5}, "laser"),
+        ({"hidden from both": 2.0, "outside": 2.5}, "outside"),
+        ({"flat to both": 2.0, "flat to the laser": 1.0, "outside": 2.9}, "grazing"),
+    ],
+)
+def test_what_is_too_flat_counts_for_what_it_is_all_but_hidden_from(
+    votes: dict[str, float], name: Cause
+) -> None:
+    words = {word: k for k, word in enumerate(get_args(Cause))} | {
+        "hidden from both": causes._BOTH,
+        "flat to the laser": causes._FLAT_TO_LASER,
+        "flat to the camera": causes._FLAT_TO_CAMERA,
+        "flat to both": causes._FLAT_TO_BOTH,
+    }
+    count = np.zeros((1, len(words)))
+    for word, weight in votes.items():
+        count[0, words[word]] = weight
+    assert get_args(Cause)[causes._most(count)[0]] == name
+
+
+def test_a_slanting_island_has_the_cause_of_the_hole_about_it() -> None:
+    """The crown of a ball that leaves camera and laser at a slant, parted from the rest by a gap:
+    the ball turns off there, and its tangent planes run on in free sight of both."""
+    rig = make_rig(elevation=0.1, lift=20.0)
+    turn = full_turn(STEPS)
+    grid = points.build_grid(
+        rig, "L0", scan_shape(rig, sphere(25, (0.0, 0.0, 30.0)), turn), np.arange(STEPS), turn
+    )
+    rise = np.rad2deg(np.arcsin(np.clip((grid.points[..., 2] - 30.0) / 25.0, -1.0, 1.0)))
+    ring = grid.found & (rise > 58.0) & (rise < 64.0)
+    cut = points.without(grid, ring, StripeFlag.DARK)
+    mesh = mesh_grid(cut)
+    found = holes(mesh)
+    places = places_in(mesh, found)
+    view = ScanCoverage(rig, cut, Volume())
+    slants = [k for k in range(len(found)) if places.island[k] and places.smooth[k]]
+    assert slants
+    about = np.flatnonzero(~places.island)
+    best = np.full(len(found), causes.DARK, dtype=np.int32)
+    best[about] = causes.LASER
+    named = causes._as_about(mesh, found, places, [view], best)
+    assert (named[slants] == causes.LASER).all()
+    away = places.at * (1.0, 1.0, 0.0)
+    level = away / np.linalg.norm(away, axis=1, keepdims=True)
+    upright = replace(places, normal=level)
+    assert (causes._as_about(mesh, found, upright, [view], best)[slants] == causes.DARK).all()
 
 
 def test_the_foot_of_a_part_that_lies_is_outside() -> None:

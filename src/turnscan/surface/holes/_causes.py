@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -24,15 +24,30 @@ _CAUSES: tuple[Cause, ...] = get_args(Cause)
 LASER, CAMERA, FLAT, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN, DELETED = range(
     len(_CAUSES)
 )
-_BOTH = len(_CAUSES)
-"""Hidden from the laser and from the camera: counts for either."""
+_BOTH, _FLAT_TO_LASER, _FLAT_TO_CAMERA, _FLAT_TO_BOTH = range(len(_CAUSES), len(_CAUSES) + 4)
+"""Hidden from the laser and from the camera; and too flat to one of them, or to both."""
+_COUNTS_FOR: Mapping[int, tuple[int, ...]] = {
+    _BOTH: (LASER, CAMERA),
+    _FLAT_TO_LASER: (LASER, FLAT),
+    _FLAT_TO_CAMERA: (CAMERA, FLAT),
+    _FLAT_TO_BOTH: (LASER, CAMERA, FLAT),
+}
+"""What is hidden from both counts for either. What lies too flatly to one of them is all but hidden
+from it, for the tilt of a face that nobody saw is known to some degrees at best: it counts for
+that, too."""
 _SAMPLED, _LID = 0.05, 0.02
 """Weights of a place that lies between samples, and of one that is no place of the part: they say
 something where few others do."""
 _CARVED = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
 """Depths below a patch at which the part is looked for, in the size of its hole."""
-_PATCH = 0.3
+_PATCH = 1.0
 """Weight of a flat patch beside the faces beyond the border, where no smooth surface spans it."""
+_REACHED = 0.4
+"""Of a face beyond the border: how much of it there is on the average. It is searched as far as it
+could go; the simulated parts that the rules were made with have 0.1 to 0.8 of it. The face that a
+part stands on is known better: its rim was measured."""
+_SLANT = 0.5
+"""Cosine of 60° off face-on, beyond which an island slants."""
 _ROOM = 4000
 """Places that are asked at once, which bounds the memory."""
 _RAYS = 500
@@ -146,19 +161,61 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
     places = places_in(mesh, found)
     count = _counted(places, len(found), views, scene)
     beyond, known = _beyond(mesh, found, places, views, scene)
-    best = count.argmax(axis=1)
-    known &= best != REMOVED
+    best = _most(count)
+    # About an island that lies near other samples all places count as measured.
+    known &= (best != REMOVED) | places.island
     if not any(view.grid.closed for view in views):
         known &= best != OUTSIDE  # its turn may not have come
     unsaid = (count.sum(axis=1) < 1.0) & ~known
     patch = _PATCH * count / np.maximum(count.sum(axis=1, keepdims=True), 1.0)
-    best = np.where(known[:, None], patch + beyond, count).argmax(axis=1)
+    best = _most(np.where(known[:, None], patch + beyond, count))
+    # A bore is not dark; what names it otherwise is known better than its wall.
     deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
+    deep[(best == LASER) | (best == CAMERA) | (best == FLAT)] = 0.0
     if deep.any():
-        count = _counted(walls(mesh, found, places, deep), len(found), views, scene)[:, :DARK]
-        best = np.where(count.any(axis=1), count.argmax(axis=1), best)
+        count = _counted(walls(mesh, found, places, deep), len(found), views, scene)
+        count[:, DARK : len(_CAUSES)] = 0.0
+        best = np.where(count.any(axis=1), _most(count), best)
     best[_whole(found, places, unsaid | (best == DARK)) & (best != DELETED)] = REMOVED
+    best = _as_about(mesh, found, places, views, best)
     return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
+
+
+def _as_about(
+    mesh: Mesh, found: Sequence[Hole], places: Places, views: Sequence[ScanCoverage], best: Ints
+) -> Ints:
+    """(h,) causes, those of slanting islands in the dark as that of the hole that each lies in.
+
+    What lies between them is missing at both borders. From an island that faces light and look it
+    is known well. One that slants is likely to turn off further all round, and what its tangent
+    planes say of the light is less than what is known from the border about it.
+    """
+    from scipy.spatial import cKDTree
+
+    slanting = places.island & places.smooth & (best == DARK)
+    islands = [int(k) for k in np.flatnonzero(slanting)]
+    about = [int(k) for k in np.flatnonzero(~places.island & (best != REMOVED))]
+    if not islands or not about:
+        return best
+    tree = cKDTree(mesh.vertices[np.concatenate([found[k].loop for k in about])])
+    owner = np.repeat(about, [len(found[k].loop) for k in about])
+    out = best.copy()
+    for k in islands:
+        own = places.some(np.flatnonzero(places.hole == k).astype(np.int32))
+        if _steepest(own, views).mean() < _SLANT:
+            nearest = owner[tree.query(mesh.vertices[found[k].loop])[1]]
+            out[k] = best[np.bincount(nearest).argmax()]
+    return out
+
+
+def _steepest(places: Places, views: Sequence[ScanCoverage]) -> Floats:
+    """(m,) cosine off face-on of both light and look, at the best moment of each place."""
+    out = np.zeros(len(places.at))
+    for view in views:
+        c = crossings(view, places.at)
+        both = np.minimum(_faces(places, c.place, c.eye), _faces(places, c.place, c.source))
+        np.maximum.at(out, c.place, both)
+    return out
 
 
 def _whole(found: Sequence[Hole], places: Places, idle: Bools) -> Bools:
@@ -174,15 +231,26 @@ def _whole(found: Sequence[Hole], places: Places, idle: Bools) -> Bools:
     return np.asarray(~places.island & (few | (idle & slight)))
 
 
+def _most(count: Floats) -> Ints:
+    """(h,) the cause that the most speaks for, of votes (h, causes) with those for several.
+
+    Where nothing but what is too flat speaks for the laser or the camera, it is grazing.
+    """
+    whole = count[:, : len(_CAUSES)].copy()
+    for both, causes in _COUNTS_FOR.items():
+        whole[:, causes] += count[:, both, None]
+    best = whole.argmax(axis=1)
+    return np.asarray(np.where(whole[:, FLAT] >= whole.max(axis=1), FLAT, best), dtype=np.int32)
+
+
 def _counted(places: Places, holes: int, views: Sequence[ScanCoverage], scene: _Scene) -> Floats:
-    """(holes, causes) the votes of the places in each hole."""
-    count = np.zeros((holes, _BOTH + 1))
+    """(holes, causes) the votes of the places in each hole, those for several causes last."""
+    count = np.zeros((holes, _FLAT_TO_BOTH + 1))
     for start in range(0, len(places.at), _ROOM):
         part = places.part(slice(start, start + _ROOM))
         best, weight = _votes(part, views, scene)
         np.add.at(count, (part.hole, best), weight)
-    count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
-    return count[:, :_BOTH]
+    return count
 
 
 def _beyond(
@@ -195,15 +263,15 @@ def _beyond(
         mesh, found, places, lambda p: _reachable(p, views, scene).both, scene.ahead,
         lambda X: ~np.any([v.contains(X) for v in inner], axis=0),
     )  # fmt: skip
-    count = np.zeros((len(found), _BOTH + 1))
+    count = np.zeros((len(found), _FLAT_TO_BOTH + 1))
     reach = _reachable(sides, views, scene)
     name = reach.hider
     name[cut | (~reach.inside & ~reach.seen & ~reach.lit)] = OUTSIDE
     lacking = cut | ~reach.both
+    area = np.where(cut, area, _REACHED * area)
     np.add.at(count, (sides.hole[lacking], name[lacking]), area[lacking])
     whole = count.sum(axis=1)
-    count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
-    return count[:, :_BOTH] / np.maximum(whole, 1e-9)[:, None], np.asarray(whole > 0)
+    return count / np.maximum(whole, 1e-9)[:, None], np.asarray(whole > 0)
 
 
 @dataclass(frozen=True)
@@ -214,8 +282,10 @@ class _Reachable:
     """The camera had them in view, however flatly."""
     lit: Bools
     """The light fell on them, however flatly."""
-    flat: Bools
-    """Both at one moment, one of them too flatly."""
+    dim: Bools
+    """Both at one moment, the light too flatly."""
+    slant: Bools
+    """Both at one moment, the look of the camera too flatly."""
     both: Bools
     """Both at one moment, steeply enough to be measured."""
     inside: Bools
@@ -224,27 +294,28 @@ class _Reachable:
     @property
     def hider(self) -> Ints:
         """(m,) what hinders those that were not in reach of both."""
-        return _hider(self.seen, self.lit, self.flat)
+        return _hider(self.seen, self.lit, self.dim, self.slant)
 
 
-def _hider(seen: Bools, lit: Bools, flat: Bools) -> Ints:
+def _hider(seen: Bools, lit: Bools, dim: Bools, slant: Bools) -> Ints:
     """(m,) the cause of places that were never lit and seen steeply at one moment."""
     name = np.where(seen == lit, _BOTH, np.where(seen, LASER, CAMERA))
-    return np.asarray(np.where(flat, FLAT, name), dtype=np.int32)
+    flat = np.where(dim == slant, _FLAT_TO_BOTH, np.where(dim, _FLAT_TO_LASER, _FLAT_TO_CAMERA))
+    return np.asarray(np.where(dim | slant, flat, name), dtype=np.int32)
 
 
 def _reachable(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> _Reachable:
     """Which places the camera sees and the light reaches."""
-    seen, lit, flat, both, inside = np.zeros((5, len(places.at)), dtype=np.bool_)
+    seen, lit, dim, slant, both, inside = np.zeros((6, len(places.at)), dtype=np.bool_)
     for view in views:
         c, sight = _sight(places, view, scene)
         for some, what in (
-            (sight.seen, seen), (sight.lit, lit), (sight.flat, flat), (sight.both, both),
-            (c.inside, inside),
+            (sight.seen, seen), (sight.lit, lit), (sight.dim, dim), (sight.slant, slant),
+            (sight.both, both), (c.inside, inside),
         ):  # fmt: skip
             np.logical_or.at(what, c.place, some)
         inside &= view.volume.contains(places.at)
-    return _Reachable(seen, lit, flat, both, inside)
+    return _Reachable(seen, lit, dim, slant, both, inside)
 
 
 def _lacks_nothing(hole: Hole, face: float) -> bool:
@@ -255,8 +326,9 @@ def _lacks_nothing(hole: Hole, face: float) -> bool:
 def _votes(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> tuple[Ints, Floats]:
     """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
-    seen, lit, flat, out, turned, measured, reached, buried = np.zeros((8, m), dtype=np.bool_)
-    unlit, unseen = np.zeros((2, m), dtype=np.bool_)
+    seen, lit, dim, slant, out, turned, measured, reached, buried, unlit, unseen = np.zeros(
+        (11, m), dtype=np.bool_
+    )
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
         out |= ~_inner(view.volume, 0.25 * places.margin).contains(places.at)
@@ -264,7 +336,7 @@ def _votes(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> tupl
         faces = np.maximum(_faces(places, c.place, c.eye), _faces(places, c.place, c.source))
         for some, what in (
             (sight.buried, buried), (faces > GRAZING, turned), (sight.seen, seen),
-            (sight.lit, lit), (sight.flat, flat), (~c.inside, out),
+            (sight.lit, lit), (sight.dim, dim), (sight.slant, slant), (~c.inside, out),
         ):  # fmt: skip
             np.logical_or.at(what, c.place, some)
         both = np.flatnonzero(sight.both).astype(np.int32)
@@ -281,7 +353,7 @@ def _votes(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> tupl
         np.logical_or.at(unseen, c.place[both], screen)
     if not any(view.grid.closed for view in views):
         out |= ~turned  # the scan ended before its turn came
-    vote = _hider(seen, lit, flat)
+    vote = _hider(seen, lit, dim, slant)
     vote[out & ~seen & ~lit] = OUTSIDE
     vote[measured] = REMOVED
     known = (light >= 0) & ~measured & ~places.bent & places.smooth[places.hole]
@@ -306,26 +378,29 @@ class _Sight:
     """In view of the camera, however flatly."""
     lit: Bools
     """In the light, however flatly."""
-    both: Bools
-    """Seen and lit steeply enough to be measured."""
+    dim: Bools
+    """Seen and lit, the latter too flatly."""
+    slant: Bools
+    """Seen and lit, the former too flatly."""
     buried: Bools
     """Looking at the inner side of what was measured."""
 
     @property
-    def flat(self) -> Bools:
-        """Seen and lit, one of them too flatly."""
-        return self.seen & self.lit & ~self.both
+    def both(self) -> Bools:
+        """Seen and lit steeply enough to be measured."""
+        return self.seen & self.lit & ~self.dim & ~self.slant
 
 
 def _sight(places: Places, view: ScanCoverage, scene: _Scene) -> tuple[Crossings, _Sight]:
     """The moments at which places pass a sheet, and what came to them then."""
     c = crossings(view, places.at)
     ok = c.inside & view.volume.contains(places.at)[c.place]
-    seen, lit, steep, buried = np.zeros((4, len(c.place)), dtype=np.bool_)
-    seen[ok], looked, buried[ok] = _reached(scene, places, c.place[ok], c.eye[ok])
-    lit[ok], shone, deep = _reached(scene, places, c.place[ok], c.source[ok])
-    steep[ok], buried[ok] = looked & shone, buried[ok] | deep
-    return c, _Sight(seen, lit, steep, buried)
+    seen, lit, looked, shone, buried = np.zeros((5, len(c.place)), dtype=np.bool_)
+    seen[ok], looked[ok], buried[ok] = _reached(scene, places, c.place[ok], c.eye[ok])
+    lit[ok], shone[ok], deep = _reached(scene, places, c.place[ok], c.source[ok])
+    buried[ok] |= deep
+    both = seen & lit
+    return c, _Sight(seen, lit, both & ~shone, both & ~looked, buried)
 
 
 def _further_in(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> Ints:
