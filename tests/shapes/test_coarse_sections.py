@@ -154,3 +154,32 @@ def test_a_drawn_hexagonal_prism_is_no_circle() -> None:
     [o] = fit_section(twelve, plane_cut([0, 0, 1], 2.0)).fitted
     assert isinstance(o.pieces[0], Arc)
     assert o.pieces[0].full
+
+
+@pytest.mark.parametrize("decimated", [False, True])
+def test_noise_bends_no_side_and_a_known_radius_is_kept(decimated: bool) -> None:
+    """An arc whose curvature is within the noise of none is a line; of 10 mm each is an arc."""
+    false, true = 0, list[float]()
+    for k, phase in enumerate(PHASES):
+        for corners in (PLATE, HEXAGON, _rounded_box(20.0, 10.0)):
+            mesh = _coarse(corners, 60 if len(corners) > 6 else 36, phase + 0.06, decimated, k)
+            [o] = fit_section(mesh, plane_cut([0, 0, 1], 4.7)).fitted
+            arcs = [p for p in o.pieces if isinstance(p, Arc)]
+            assert all(a.radius_sigma <= 0.25 * a.radius for a in arcs)
+            round_ = [abs(a.radius - 10.0) / a.radius_sigma for a in arcs if len(corners) > 6]
+            true += [z for z in round_ if z < 4]
+            false += len(arcs) - sum(z < 4 for z in round_)
+    assert false <= 3, "nine and ten, where two standard deviations were enough"
+    assert len(true) >= 18
+    assert np.mean(np.array(true) < 2) > 0.9
+
+
+def _coarse(corners: Floats, steps: int, phase: float, decimated: bool, seed: int) -> Mesh:
+    """The wall of a part with noise of 0.1 mm."""
+    outline, heights = seen_from_the_axis(corners, steps, phase), np.arange(21) * 0.5
+    mesh = wall(outline, heights, 0.1, seed=1000 + seed)
+    if not decimated:
+        return mesh
+    assert mesh.provenance is not None
+    step = np.tile(np.arange(steps, dtype=np.int32), len(heights))
+    return decimate(replace(mesh, provenance=replace(mesh.provenance, step=step)), tolerance=0.2)

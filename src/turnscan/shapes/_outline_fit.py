@@ -47,9 +47,11 @@ _ENOUGH, _LEAST_SHARE = 40, 0.65
 _FREEFORM, _TURNED, _FEWEST = 0.5, float(np.deg2rad(120.0)), 6
 """Share of an outline that is spline from which on it is freeform; radians that an arc of it turns
 by at the least, to be told as one; points that make it a spline instead."""
-_KNOWN, _SPLINED = 0.5, 8
-"""Of its radius, that an arc's standard uncertainty is at most; points of another that are a spline
-instead of a line."""
+_KNOWN, _SPLINED, _STRAIGHT = 0.25, 8, float(np.deg2rad(45.0))
+"""Of its radius, that an arc's standard uncertainty is at most: its curvature is four of its own
+standard deviations from none, for the search takes the best of many stretches, each of which has
+three by chance. Points of another that are a spline instead of a line; radians that it turns by at
+least for that."""
 _ROUND = 5
 """Places of an arc at the least: the two on either side of an edge lie on a circle by symmetry."""
 _POLYGON = 0.7
@@ -170,13 +172,15 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
         else:
             bodies = _rounded(chain, scale, noise, bodies)
         ties = _ties(chain, scale, noise, bodies, closed, tolerance)
-        while not all(map(_known, bodies)):  # the next may be known by this one alone
-            spans = [(b.kind if _known(b) else _plainer(b), *b.ways) for b in bodies]
-            bodies = _bodies(chain, use, scale, noise, spans)
-            ties = _ties(chain, scale, noise, bodies, closed, tolerance)
+    count_borders(chain, bodies, ties, scale, noise, closed)
+    while not (_is_circle(bodies, closed) or all(map(_known, bodies))):
+        # The next may be known by this one alone.
+        spans = [(b.kind if _known(b) else _plainer(chain, b), *b.ways) for b in bodies]
+        bodies = _bodies(chain, use, scale, noise, spans)
+        ties = _ties(chain, scale, noise, bodies, closed, tolerance)
+        count_borders(chain, bodies, ties, scale, noise, closed)
     if closed and not _encloses(bodies):
         return None
-    count_borders(chain, bodies, ties, scale, noise, closed)
     return assemble(Settled(chain, closed, bodies, ties, scale, noise, tolerance))
 
 
@@ -185,9 +189,10 @@ def _known(body: Body) -> bool:
     return body.kind != "arc" or bool(np.sqrt(body.covariance[2, 2]) <= _KNOWN * body.p[2])
 
 
-def _plainer(body: Body) -> str:
+def _plainer(chain: Chain, body: Body) -> str:
     """What an arc of unknown radius is instead."""
-    return "spline" if len(body.rows) >= _SPLINED else "line"
+    bent = _length(chain, body) > _STRAIGHT * float(body.p[2])
+    return "spline" if bent and len(body.rows) >= _SPLINED else "line"
 
 
 def _encloses(bodies: list[Body]) -> bool:
