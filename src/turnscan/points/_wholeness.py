@@ -8,7 +8,7 @@ is off the surface, and by more than noise.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -136,16 +136,28 @@ def wholeness(light: LitPoints) -> Wholeness:
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), and what
     is narrower than most of its profile about it (`_narrow`).
     """
-    from turnscan.points import _wholeness_kernels as kernels
-
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
+    bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = _arcs(light)
+    own, thickness = _lying(light, found, width, bright, arcs)
+    sizes = _apart_along(light.points), thickness
+    more = np.maximum(_ended(light, width, arcs, sizes), _narrow(width, bright, sizes))
+    return replace(own, doubt=np.maximum(own.doubt, more - np.abs(own.shift)))
+
+
+def _lying(
+    light: LitPoints, found: Bools, width: Floats, bright: Floats, arcs: Floats
+) -> tuple[Wholeness, float]:
+    """What the surface's slopes say of the stripes, as wide (s, n) px and bright (s, n) grey levels
+    as they are about each; and the sheet's thickness, mm, or what is taken for it."""
+    from turnscan.points import _wholeness_kernels as kernels
+
     walk, slide, side = _along_steps(kernels.across, light, arcs, (3, 2, *found.shape))
     slide = np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1]))
+    side = side.copy()  # not a part of all three, which would be kept with it
     walk = np.stack([_steady(w) for w in walk])
     due_on, thickness, told = _due(walk, width)
-    light_of = _steady(np.where(found, light.amplitude, np.nan))
     flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
     creased = _creased(width, walk, thickness, arcs, lambda far: _apart(light, arcs, due_on, far))
@@ -162,7 +174,7 @@ def wholeness(light: LitPoints) -> Wholeness:
             walk[:, rows],
             flat[:, rows],
             side[:, rows],
-            light_of[rows],
+            bright[rows],
             found[rows],
             fine[rows],
             beyond,
@@ -171,10 +183,7 @@ def wholeness(light: LitPoints) -> Wholeness:
         shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
 
     in_parts(part, size, -(-size // _TOGETHER))
-    sizes = _apart_along(light.points), thickness
-    more = np.maximum(_ended(light, width, arcs, sizes), _narrow(width, light_of, sizes))
-    doubt = np.maximum(doubt, more - np.abs(shift))
-    return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0)
+    return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0), thickness
 
 
 class _Band(NamedTuple):
@@ -332,12 +341,13 @@ def _narrow(steadied: Floats, light: Floats, sizes: tuple[float, float]) -> Floa
             out = np.maximum(out, np.nan_to_num(off) * some)
         return out
 
-    return np.concatenate(in_parts(part, len(steadied)))
+    return np.concatenate(in_parts(part, len(steadied), -(-len(steadied) // _TOGETHER)))
 
 
 def _apart_along(points: Floats) -> float:
     """mm: how far points of a profile (s, n, 3) usually lie apart; 0 where there are none."""
-    gaps = np.concatenate(in_parts(lambda a, b: _gaps(points[a:b]), len(points)))
+    parts = -(-len(points) // _TOGETHER)
+    gaps = np.concatenate(in_parts(lambda a, b: _gaps(points[a:b]), len(points), parts))
     return float(np.median(gaps)) if len(gaps) else 0.0
 
 
@@ -416,17 +426,34 @@ def _creased(
             beside = np.roll(width, -sign * far, axis=0)
             held[way] &= linked & ~np.isnan(beside)
             sides[way] = np.where(held[way], beside, sides[way])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            low, high = np.minimum(*sides), np.maximum(*sides)
-            noise = 2.0 * _NOISE * 0.5 * (low + high)
-            differ = np.sqrt(np.maximum((high - low) ** 2 - noise**2, 0.0))
-            differ = np.fmin(differ, apart(far))
-            blind = np.minimum(0.5 * noise / (high - low), 0.4)
-            f = np.clip(((width - low) / (high - low) - blind) / (1 - 2 * blind), 0.0, 1.0)
-            found = np.nan_to_num(4.0 * f * (1.0 - f) * _CREASE * differ)
-        out = np.maximum(out, np.where(held[0] & held[1], found, 0.0))
+        _raise(out, width, sides, held, apart(far))
     # What no turn moves has the same surface beside it in every profile.
     return np.where(np.isinf(walk).any(axis=0), 0.0, out)
+
+
+def _raise(
+    out: Floats, width: Floats, sides: list[Floats], held: list[Bools], apart: Floats
+) -> None:
+    """Make ``out`` (s, n) at least what `_between` gives where both sides are held."""
+
+    def part(a: int, b: int) -> None:
+        found = _between(width[a:b], sides[0][a:b], sides[1][a:b], apart[a:b])
+        out[a:b] = np.maximum(out[a:b], np.where(held[0][a:b] & held[1][a:b], found, 0.0))
+
+    in_parts(part, len(width), -(-len(width) // _TOGETHER))
+
+
+def _between(width: Floats, one: Floats, other: Floats, apart: Floats) -> Floats:
+    """px that stripes so wide may be off which lie between surfaces of these two widths; see
+    `_creased`."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        low, high = np.minimum(one, other), np.maximum(one, other)
+        noise = 2.0 * _NOISE * 0.5 * (low + high)
+        differ = np.sqrt(np.maximum((high - low) ** 2 - noise**2, 0.0))
+        differ = np.fmin(differ, apart)
+        blind = np.minimum(0.5 * noise / (high - low), 0.4)
+        f = np.clip(((width - low) / (high - low) - blind) / (1 - 2 * blind), 0.0, 1.0)
+        return np.asarray(np.nan_to_num(4.0 * f * (1.0 - f) * _CREASE * differ))
 
 
 def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], far: int) -> Floats:
@@ -435,10 +462,16 @@ def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], f
     from turnscan.points import _wholeness_kernels as kernels
 
     walk = _along_steps(kernels.further_in, light, arcs, (2, *light.width.shape), far)
-    due = due_on(np.stack([_steady(w) for w in walk]))
-    with np.errstate(invalid="ignore"):
-        noise = _NOISE * (due[0] + due[1])
-        return np.asarray(np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0)))
+    out = np.empty(light.width.shape)
+
+    def part(a: int, b: int) -> None:
+        due = due_on(np.stack([kernels.steady(w[a:b]) for w in walk]))
+        with np.errstate(invalid="ignore"):
+            noise = _NOISE * (due[0] + due[1])
+            out[a:b] = np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0))
+
+    in_parts(part, len(out), -(-len(out) // _TOGETHER))
+    return out
 
 
 def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float, bool]:
