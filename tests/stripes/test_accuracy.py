@@ -161,6 +161,27 @@ def test_the_flag_tells_a_halo_that_moves_the_centre_by_more_than_its_sigma(
     assert flagged > 0.9 if ratio > 1 else flagged < 0.1
 
 
+@pytest.mark.parametrize("length", [3.0, 6.0, 12.0])
+@pytest.mark.parametrize(("glow", "told"), [(0.0, False), (0.1, False), (1.2, True)])
+def test_a_halo_is_told_under_speckle_once_it_moves_the_centre_by_more_than_sigma(
+    length: float, glow: float, told: bool
+) -> None:
+    """Light that an exponential carries to one side, and a grain in every pixel."""
+    centre = 45.0 + 0.01 * np.arange(400.0)
+    carried = -length * np.log1p(-(np.arange(40) + 0.5) / 40)
+    halo = np.mean([light(centre + far, 1.5, 8000.0, 121) for far in carried], axis=0)
+    whole = light(centre, 1.5, 8000.0, 121) + glow * halo
+    lit = picture(
+        np.random.default_rng(7), whole * np.random.default_rng(6).gamma(8, 1 / 8, whole.shape)
+    )
+    stripe = detect(lit, np.full_like(lit, 100))
+    there = stripe.found
+    ratio = float(np.mean((stripe.position - centre)[there]) / np.median(stripe.sigma[there]))
+    flagged = float(((stripe.flags & StripeFlag.HALO) != 0)[there].mean())
+    assert ratio > 1.3 if told else ratio < 0.6, "a case that tells the two apart"
+    assert flagged > 0.7 if told else flagged < 0.05
+
+
 @pytest.mark.parametrize("share", [0.0, 0.06])
 def test_speckle_in_the_tails_and_a_glow_on_both_sides_move_nothing(share: float) -> None:
     """Grains of a pixel on a stripe of 1.7 px, beside it a glow of a share of its height."""

@@ -7,10 +7,22 @@ import math
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
-from turnscan.stripes._list import CENTRE, FLUX, HEIGHT, MIDDLE, PEDESTAL, ROW, START, WIDTH
-from turnscan.stripes._measure import FLANK
+from turnscan.stripes._list import (
+    CENTRE,
+    FAR,
+    FLUX,
+    HEIGHT,
+    MIDDLE,
+    NEAR,
+    PEDESTAL,
+    REACH,
+    ROW,
+    START,
+    WIDTH,
+)
+from turnscan.stripes._measure import FLANK, mean_light
 from turnscan.stripes._scan import Terms
 
 PEDESTAL_LIMIT = 0.1
@@ -23,6 +35,17 @@ HALO_LIMIT = 0.02
 """Tails of a stripe with less than this part of its light's amplitude are clean:
 under a window of five widths such a pedestal holds 4 % of the light, and all on one side it would
 move the centre by a fiftieth of a width (`HALO_BIAS`)."""
+TAIL = 3
+"""Pixels of a tail, beginning 2 px off the window, and of the next piece of it."""
+TAIL_POWER, TAIL_FALL, TAIL_RISE = 1.73, 0.15, 2.0
+"""A tail of D amplitudes more on one side than on the other, of which a share r is left in its next
+piece, moves the centre by D r^-1.73 widths: a law that holds within a third for exponential halos
+of 2 to 60 px beside stripes of 1.2 to 3 px, of one side and of two (docs/explain/stripes.md). What
+falls off faster than to this share is cut off by the window, and not known; the difference of two
+that fall off at different rates may rise. They cancel inside the window: with twice the power."""
+APART, JUMP = 2, 1.0
+"""Lines between the centres whose second differences show how they scatter, as neighbours may
+share a grain; and what counts as a jump of the surface, in widths."""
 HALO_REACH = 15
 """Lines on either side over which a halo is the same and speckle is not: the mean of some thirty
 grains of a pixel varies by a sixth of itself."""
@@ -55,16 +78,41 @@ def glowing_nearby(some: Floats, n: int, terms: Terms, lines: int) -> Bools:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bools, Floats]:
-    """(H,) the highest of each line, True where light has spread beside the stripe there, and how
-    far that moves its centre, in its widths.
+def tails(some: Floats, n: int, pool: Longs, stops: Longs) -> None:
+    """How much more light there is after a stripe than before it, near its window and farther off.
+
+    NaN where what belongs to the candidate ends before that.
+    """
+    start = 0
+    for i in range(n):
+        last = stops[i] - start - 2
+        a = int(some[i, CENTRE] - some[i, REACH] + 0.5) - 1
+        b = int(some[i, CENTRE] + some[i, REACH] + 0.5) + 2
+        some[i, NEAR] = some[i, FAR] = math.nan
+        if a - 2 * TAIL >= 0 and b + 2 * TAIL <= last + 1:
+            some[i, NEAR] = mean_light(pool, start, last, b, b + TAIL) - mean_light(
+                pool, start, last, a - TAIL, a
+            )
+            some[i, FAR] = mean_light(pool, start, last, b + TAIL, b + 2 * TAIL) - mean_light(
+                pool, start, last, a - 2 * TAIL, a - TAIL
+            )
+        start = stops[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bools, Floats, Floats]:
+    """(H,) the highest of each line, True where light has spread beside the stripe there, how far
+    that moves its centre, in its widths, to the right if positive, and how the centres scatter
+    thereabouts, px².
 
     A grain of speckle in the tail of one line looks like a halo. But grains differ from line to
     line and light that spread in the material does not, so the sums over many lines decide: of the
-    pedestal beside the highest candidates, and of how far they lean, weighted by their light.
+    pedestal beside the highest candidates, of how far they lean, weighted by their light, and of
+    what is in the one tail more than in the other.
     """
-    sums = np.zeros((lines + 1, 6))
+    sums = np.zeros((lines + 1, 11))
     highest = np.zeros(lines)
+    centres = np.full((lines, 2), math.nan)
     for i in range(n):
         v = int(some[i, ROW])
         if some[i, HEIGHT] > highest[v]:
@@ -75,22 +123,51 @@ def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bool
             sums[v + 1, 2] = lean * some[i, FLUX]
             sums[v + 1, 3] = some[i, FLUX]
             sums[v + 1, 4] = 1.0
-            sums[v + 1, 5] = lean * lean * some[i, FLUX]
+            near = some[i, NEAR]
+            whole = not math.isnan(near)
+            sums[v + 1, 5] = near if whole else 0.0
+            sums[v + 1, 6] = near * near if whole else 0.0
+            sums[v + 1, 7] = some[i, FAR] if whole else 0.0
+            sums[v + 1, 8] = 1.0 if whole else 0.0
+            centres[v, 0] = some[i, CENTRE] + some[i, START]
+            centres[v, 1] = some[i, WIDTH]
+    for v in range(APART, lines - APART):
+        bend = centres[v - APART, 0] - 2.0 * centres[v, 0] + centres[v + APART, 0]
+        if abs(bend) < math.sqrt(6.0) * JUMP * centres[v, 1]:
+            sums[v + 1, 9] = bend * bend / 6.0
+            sums[v + 1, 10] = 1.0
     for v in range(lines):
-        for k in range(6):
+        for k in range(11):
             sums[v + 1, k] += sums[v, k]
     out = np.zeros(lines, np.bool_)
     shift = np.zeros(lines)
-    part = np.empty(6)
+    scatter = np.zeros(lines)
+    part = np.empty(11)
     for v in range(lines):
         a, b = max(0, v - HALO_REACH), min(lines, v + HALO_REACH + 1)
-        for k in range(6):
+        for k in range(11):
             part[k] = sums[b, k] - sums[a, k]
         noise = 4.0 * terms.noise * math.sqrt(part[4] / (2.0 * FLANK))
         out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
-        flux, count = max(part[3], 1.0), max(part[4], 2.0)
-        mean = abs(part[2]) / flux
-        # What speckle makes of the mean is no shift: three standard errors are taken off.
-        error = math.sqrt(max(part[5] / flux - mean * mean, 0.0) / (count - 1.0))
-        shift[v] = max(0.0, mean - 3.0 * error)
-    return highest, out, shift
+        shift[v] = shift_of(part[5], part[6], part[7], part[8], part[1] / max(part[4], 1.0))
+        scatter[v] = part[9] / max(part[10], 1.0)
+    return highest, out, shift, scatter
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def shift_of(near: float, squares: float, far: float, count: float, amplitude: float) -> float:
+    """Widths by which a tail moves the centre, from sums over ``count`` lines of what is in it more
+    than in the other, of its squares, and of what is left farther off.
+
+    What speckle and the camera make of the sum is no tail: three standard errors are taken off.
+    """
+    if count < 2.0:
+        return 0.0
+    mean = near / count
+    error = math.sqrt(max(squares / count - mean * mean, 0.0) / (count - 1.0))
+    sure = abs(mean) - 3.0 * error
+    if sure <= 0.0:
+        return 0.0
+    left = min(max(far / near, TAIL_FALL), TAIL_RISE)
+    power = TAIL_POWER if left <= 1.0 else 2.0 * TAIL_POWER
+    return math.copysign(sure / amplitude * left**-power, mean)

@@ -11,7 +11,13 @@ import numpy as np
 from turnscan.arrays import Flags, Floats, Image, Longs, Region
 from turnscan.compiled import njit
 from turnscan.stripes._choice import drop_glow
-from turnscan.stripes._halo import LEAN_LIMIT, glowing_nearby, glows, haloed
+from turnscan.stripes._halo import (
+    LEAN_LIMIT,
+    glowing_nearby,
+    glows,
+    haloed,
+    tails,
+)
 from turnscan.stripes._levels import learned_saturation
 from turnscan.stripes._list import (
     CENTRE,
@@ -181,7 +187,7 @@ def write_down(
     some, stops, n, _, saturation = listed
     paired = dark.shape[0] > 1
     nearby = glowing_nearby(some, n, terms, table.shape[1])
-    highest, halos, shift = haloed(some, n, terms, table.shape[1])
+    highest, halos, shift, scatter = haloed(some, n, terms, table.shape[1])
     row = -1
     j = 0
     for i in range(n):
@@ -210,14 +216,6 @@ def write_down(
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
         glow = glows(some, i, terms)
-        moved = (shift[v] * some[i, WIDTH]) ** 2
-        if some[i, HEIGHT] < highest[v]:
-            # A weaker peak that stands in light may be that light's alone.
-            if glow or halos[v]:
-                flags |= HALO
-        elif halos[v] and moved > spread:
-            # By more than its sigma; a halo on both sides moves nothing.
-            flags |= HALO
         if glow or lean > LEAN_LIMIT:
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
         strategy = terms.strategy
@@ -225,6 +223,7 @@ def write_down(
             # Light that spread beside the stripe drags the window along; its core stays in place.
             # A line between glowing ones is measured as they are, lest the surface be stepped.
             strategy = BLAIS_RIOUX
+        moved = shift[v] * some[i, WIDTH]
         factor, phase = NOISE_FACTOR[strategy], PHASE_ERROR[strategy]
         if strategy in (CENTROID, MEDIAN):
             # Their phase error comes from what the threshold cuts off.
@@ -236,8 +235,16 @@ def write_down(
             position = by_strategy(
                 light, strategy, some[i, PLACE], some[i, HALF], left, right, terms.level
             )
+        variance = spread * factor * factor + phase * phase
+        if some[i, HEIGHT] < highest[v]:
+            # A weaker peak that stands in light may be that light's alone.
+            told = glow or halos[v]
+        else:
+            # By more than its sigma, speckle included; a halo alike on both sides moves nothing.
+            told = moved * moved > max(variance, scatter[v])
+        flags |= HALO * told
         table[0, v, j] = position
-        table[1, v, j] = math.sqrt(spread * factor * factor + phase * phase)
+        table[1, v, j] = math.sqrt(variance)
         table[2, v, j] = amplitude
         table[3, v, j] = math.sqrt(some[i, SECOND])
         bits[v, j] = flags
@@ -286,6 +293,7 @@ def measure_candidates(
         for _ in range(ROUNDS):
             smooth_widths(some, n, up, down, ahead)
             measure_round(some, n, pool, stops, terms, 1)
+    tails(some, n, pool, stops)
     write_down(lit, dark, roi, terms, listed, light, table, bits)
     drop_glow(table, bits)
 

@@ -29,10 +29,11 @@ KIN_DISTANCE, KIN_WIDTH = 4.0, 8.0
 """Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
 
 # Columns of the list of candidates.
-ROW, START, PLACE, HEIGHT, HALF, MIDDLE, CENTRE, FLUX, SECOND, PEDESTAL, GAIN, REACH, WIDTH = range(
-    13
-)
-COLUMNS = 13
+(
+    ROW, START, PLACE, HEIGHT, HALF, MIDDLE, CENTRE, FLUX, SECOND, PEDESTAL, GAIN, REACH, WIDTH,
+    NEAR, FAR,
+) = range(15)  # fmt: skip
+COLUMNS = 15
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
