@@ -273,8 +273,8 @@ def scatter(out: Floats, flags: Flags) -> float:
     along the stripe, in which smooth shape cancels. They are taken at several spacings, because
     adjacent lines may share an error: a grain taller than a pixel, interpolated colours, JPEG. A
     wider one counts where it shows more by twice its own uncertainty: the largest of several that
-    chance alone parts would be too large. Lines with other flags than MULTI only count where the
-    rest is too few. NaN where all are.
+    chance alone parts would be too large. Lines with other flags than MULTI and HALO (light beside
+    a stripe moves its centre smoothly) only count where the rest is too few. NaN where all are.
     """
     best = 0.0
     surely = 1.0 + SURELY_MORE / math.sqrt(max(np.sum(~np.isnan(out[0])), 1))
@@ -309,7 +309,7 @@ def unexplained(
         difference = explained = width = 0.0
         for k in range(4):
             w = v + k * lag
-            if clean and flags[w] & ~np.uint16(MULTI):
+            if clean and flags[w] & ~np.uint16(MULTI | HALO):
                 difference = np.nan
                 break
             factor = THIRD[k]
