@@ -37,6 +37,8 @@ def connect(
     page: Any, address: str = "sim:cup?steps=24&speckle=no", *, again: bool = False
 ) -> None:
     page.get_by_role("button", name="Setup", exact=True).click()
+    if not again and page.get_by_role("button", name="Disconnect").is_enabled():
+        disconnect(page)  # what a test that failed left connected shall fail no other test
     for field in ("Camera", "Turntable", "Lasers"):
         page.get_by_role("textbox", name=field).fill(address)
     page.get_by_role("button", name="Connect again" if again else "Connect", exact=True).click()
