@@ -56,6 +56,8 @@ class Told:
     sigma: Floats
     flagged: Floats
     """(n,) 1 where the flag that is asked for stands."""
+    halo: Floats
+    """(n,) px by which a halo is estimated to move it, NaN where none is flagged."""
 
 
 def _found(electrons: Floats, centre: Floats, full: float | None, flag: StripeFlag) -> Told:
@@ -65,7 +67,7 @@ def _found(electrons: Floats, centre: Floats, full: float | None, flag: StripeFl
     there = stripe.found
     return Told(
         (stripe.position - centre)[there], stripe.sigma[there],
-        ((stripe.flags & flag) != 0)[there].astype(np.float64),
+        ((stripe.flags & flag) != 0)[there].astype(np.float64), stripe.table()[-1, there],
     )  # fmt: skip
 
 
@@ -109,6 +111,12 @@ def steadiness(part: str) -> tuple[float, float]:
     return changes[0], changes[1]
 
 
+def middle(values: Floats) -> str:
+    """The median of those that are known, in words."""
+    known = values[~np.isnan(values)]
+    return f"{np.median(known):+.3f}" if len(known) else "–"
+
+
 def run() -> None:
     """Print the tables."""
     print(
@@ -122,14 +130,16 @@ def run() -> None:
             z = float(np.std(t.error / t.sigma))
             cells.append(f"{t.error.mean() / sigma:+.3f}, {np.std(t.error) / sigma:.3f}, {z:.2f}")
         print(f"| {many} | " + " | ".join(cells) + " |", flush=True)
-    print("\n| halo, light over the stripe's | flagged % | bias px | bias in sigma |")
-    print("|---|---|---|---|")
+    print(
+        "\n| halo, light over the stripe's | flagged % | bias px | bias in sigma | estimated px |"
+    )
+    print("|---|---|---|---|---|")
     for glow in GLOWS:
         t = haloed(glow)
         bias = float(np.mean(t.error))
         print(
             f"| {glow:g} | {100 * t.flagged.mean():.1f} | {bias:+.3f} "
-            f"| {bias / float(np.median(t.sigma)):+.2f} |", flush=True,
+            f"| {bias / float(np.median(t.sigma)):+.2f} | {middle(t.halo)} |", flush=True,
         )  # fmt: skip
     print("\n| part | error from picture to picture % | sigma % |\n|---|---|---|")
     for part in PARTS:

@@ -104,9 +104,37 @@ def test_findings_tell_what_share_of_the_points_was_flagged():
     told = grid_findings(found, flagged, Volume())
     assert [f.code for f in told] == ["points.volume", "points.halo"]
     assert told[0].message.startswith("100 points kept; 0 removed, outside")
-    assert told[1].message.startswith("20% of the points")
+    assert told[1].message.startswith("20% of the points are shifted by a halo, by how much is not")
+    sizes = np.full((10, 10), np.nan, np.float32)
+    sizes[:2] = np.linspace(0.1, 0.3, 20).reshape(2, 10)
+    (halo,) = grid_findings(found, replace(flagged, halo=sizes), Volume())[1:]
     sigma = np.median(flagged.sigma[:2])
-    assert told[1].message.endswith(f"by more than their sigma, usually {sigma:.2g} mm")
+    size = "half by 0.2 mm or more, 5 % by more than 0.29 mm"
+    assert halo.message == f"20% of the points are shifted by a halo: {size} (sigma {sigma:.2g} mm)"
+
+
+def test_a_stripe_s_halo_becomes_millimetres_along_the_sheet_and_stays_through_parts_of_a_grid():
+    rig, angles = make_rig(lift=28.0), full_turn(12)
+    stripes = scan_shape(rig, cylinder(20.0, 0.0, 60.0), angles)
+    halo = np.where(stripes[1].found, -0.5, np.nan)
+    seen = [replace(s, halo=halo) if k == 1 else s for k, s in enumerate(stripes)]
+    aside = [replace(s, position=s.position + 0.5) for s in stripes]
+    plain, grid, moved = (
+        build_grid(rig, "L0", s, range(12), angles) for s in (stripes, seen, aside)
+    )
+    there = grid.found[1]
+    assert plain.halo is None
+    assert grid.halo is not None
+    assert np.array_equal(~np.isnan(grid.halo[1]), there)
+    assert np.isnan(grid.halo[2:]).all()
+    true = np.linalg.norm(moved.points[1] - plain.points[1], axis=-1)
+    assert grid.halo[1, there] == pytest.approx(true[there], rel=0.02)
+    assert np.array_equal(every(grid, 2).halo, grid.halo[::2], equal_nan=True)
+    few = grid.of_lines(slice(80, 120))
+    assert np.array_equal(few.halo, grid.halo[:, 80:120], equal_nan=True)
+    coarser = resample(grid, Along(5.0, "arc"))
+    assert np.nanmax(coarser.halo) == pytest.approx(np.nanmax(grid.halo), rel=0.1)
+    assert np.isnan(coarser.halo[2:]).all()
 
 
 @pytest.mark.parametrize(

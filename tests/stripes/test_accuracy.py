@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.stripes.pictures import bound, light, picture, speckled
-from turnscan.stripes import StripeFlag, StripeSettings, detect
+from turnscan.arrays import Floats
+from turnscan.stripes import Stripe, StripeFlag, StripeSettings, detect
 
 N = 4000
 WIDTH = 101
@@ -161,22 +162,39 @@ def test_the_flag_tells_a_halo_that_moves_the_centre_by_more_than_its_sigma(
     assert flagged > 0.9 if ratio > 1 else flagged < 0.1
 
 
+def beside(length: float, glow: float, sigma: float) -> tuple[Floats, Stripe]:
+    """Light that an exponential carries to one side, and a grain in every pixel: the error of each
+    centre, NaN where there is none, and the stripe."""
+    centre = 45.0 + 0.01 * np.arange(400.0)
+    carried = -length * np.log1p(-(np.arange(40) + 0.5) / 40)
+    halo = np.mean([light(centre + far, sigma, 8000.0, 121) for far in carried], axis=0)
+    whole = light(centre, sigma, 8000.0, 121) + glow * halo
+    lit = picture(
+        np.random.default_rng(7), whole * np.random.default_rng(6).gamma(8, 1 / 8, whole.shape)
+    )
+    stripe = detect(lit, np.full_like(lit, 100))
+    return stripe.position - centre, stripe
+
+
+@pytest.mark.parametrize("sigma", [1.3, 2.0, 3.0])
+@pytest.mark.parametrize("length", [6.0, 12.0])
+def test_a_halo_flag_comes_with_its_size(length: float, sigma: float) -> None:
+    error, stripe = beside(length, 0.8, sigma)
+    flagged = (stripe.flags & StripeFlag.HALO) != 0
+    assert flagged.mean() > 0.4
+    assert stripe.halo is not None
+    assert np.isnan(stripe.halo[~flagged]).all()
+    assert 0.7 < np.nanmedian(stripe.halo) / error[flagged].mean() < 1.4
+
+
 @pytest.mark.parametrize("length", [3.0, 6.0, 12.0])
 @pytest.mark.parametrize(("glow", "told"), [(0.0, False), (0.1, False), (1.2, True)])
 def test_a_halo_is_told_under_speckle_once_it_moves_the_centre_by_more_than_sigma(
     length: float, glow: float, told: bool
 ) -> None:
-    """Light that an exponential carries to one side, and a grain in every pixel."""
-    centre = 45.0 + 0.01 * np.arange(400.0)
-    carried = -length * np.log1p(-(np.arange(40) + 0.5) / 40)
-    halo = np.mean([light(centre + far, 1.5, 8000.0, 121) for far in carried], axis=0)
-    whole = light(centre, 1.5, 8000.0, 121) + glow * halo
-    lit = picture(
-        np.random.default_rng(7), whole * np.random.default_rng(6).gamma(8, 1 / 8, whole.shape)
-    )
-    stripe = detect(lit, np.full_like(lit, 100))
+    error, stripe = beside(length, glow, 1.5)
     there = stripe.found
-    ratio = float(np.mean((stripe.position - centre)[there]) / np.median(stripe.sigma[there]))
+    ratio = float(np.mean(error[there]) / np.median(stripe.sigma[there]))
     flagged = float(((stripe.flags & StripeFlag.HALO) != 0)[there].mean())
     assert ratio > 1.3 if told else ratio < 0.6, "a case that tells the two apart"
     assert flagged > 0.7 if told else flagged < 0.05

@@ -125,7 +125,7 @@ def _redetected(
             new = eyes.again(step, edit)
             rows = np.arange(first, last + 1, dtype=np.int32)
             sigma = _scattering(new.sigma, new.width, old.scatter, new.scatter)
-            table = np.stack([new.position, sigma, new.amplitude, new.width])[:, rows]
+            table = replace(new, sigma=sigma).table()[:, rows]
             changed[step] = _with_rows(old, rows, table, new.flags[rows])
     return changed
 
@@ -139,7 +139,7 @@ def _repaired(
         case DeletePoints():
             rows = np.array([k for k in edit.lines if k < n], dtype=np.int32)
             rows = rows[stripe.found[rows]]
-            gone = np.full((4, len(rows)), np.nan)
+            gone = np.full_like(stripe.table()[:, rows], np.nan)
             # Neither dark nor outside: deleted, as `surface` names the cause of such a hole.
             flags = np.full(len(rows), StripeFlag.HAND, dtype=np.uint16)
             return _with_rows(stripe, rows, gone, flags) if len(rows) else None
@@ -147,7 +147,7 @@ def _repaired(
             if edit.line >= n:
                 return None
             usual = [_usual(stripe.amplitude), _usual(stripe.width)]
-            row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]]])
+            row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]], [np.nan]])
             by_hand = np.full(1, StripeFlag.HAND, dtype=np.uint16)
             return _with_rows(stripe, np.array([edit.line], np.int32), row, by_hand)
         case PickCandidate():
@@ -170,16 +170,14 @@ def _picked(stripe: Stripe, edit: PickCandidate, found: Candidates) -> Stripe | 
     if not rows:
         return None
     sigma = _scattering(found.sigma, found.width, stripe.scatter)
-    table = np.stack(
-        [v[rows, columns] for v in (found.position, sigma, found.amplitude, found.width)]
-    )
+    table = replace(found, sigma=sigma).table()[:, rows, columns]
     flags = found.flags[rows, columns] | np.uint16(StripeFlag.HAND)
     return _with_rows(stripe, np.array(rows, np.int32), table, flags)
 
 
 def _with_rows(stripe: Stripe, rows: Ints, table: Floats, flags: Flags) -> Stripe:
-    """The stripe with position, sigma, amplitude and width (4, n) of some lines replaced."""
-    whole = np.stack([stripe.position, stripe.sigma, stripe.amplitude, stripe.width])
+    """The stripe with the measures (5, n) of some lines replaced."""
+    whole = stripe.table()
     whole[:, rows] = table
     bits = stripe.flags.copy()
     bits[rows] = flags

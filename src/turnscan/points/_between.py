@@ -128,6 +128,7 @@ def _between(
         if grid.behind is None
         else there & np.where(w == 1, grid.behind[b], grid.behind[a]),
         light_doubt=doubt,
+        halo=None if grid.halo is None else np.fmax(grid.halo[a], grid.halo[b]),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Flags, Floats, handed_over
+from turnscan.arrays import Bools, Flags, Floats, Singles, handed_over
 from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid, lines_about
@@ -96,6 +96,7 @@ def build_grid(
         closed=closed,
         eyes=np.einsum("sij,j->si", rotation_z(-turns), eye),
         behind=handed_over(behind & ~lost),
+        halo=_moved_by_halo(stripes, lines, scale),
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
@@ -128,6 +129,16 @@ def _met(
 
     in_parts(part, len(position), _blocks(len(position)))
     return points, scale, behind
+
+
+def _moved_by_halo(stripes: Sequence[Stripe], lines: slice, scale: Floats) -> Singles | None:
+    """(s, n) mm by which halos move the points of these ``lines``, NaN where nothing tells; None
+    where no stripe tells any. ``scale`` (s, n) is mm for each px of a centre."""
+    out = np.full(scale.shape, np.nan, np.float32)
+    for row, stripe, worth in zip(out, stripes, scale, strict=True):
+        if stripe.halo is not None:
+            row[:] = np.abs(stripe.halo[lines]) * worth
+    return None if np.isnan(out).all() else handed_over(out, nan=True)
 
 
 def _blocks(steps: int) -> int:
@@ -284,5 +295,6 @@ def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
         eyes=None if grid.eyes is None else grid.eyes[index],
         behind=None if grid.behind is None else grid.behind[index],
         light_doubt=None if grid.light_doubt is None else grid.light_doubt[index],
+        halo=None if grid.halo is None else grid.halo[index],
         thickness=grid.thickness,
     )

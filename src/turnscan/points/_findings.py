@@ -24,12 +24,7 @@ _UNEVEN = 0.2
 """Spread of the steps, as a part of the usual step, from which they are worth a word."""
 _WORDS = (
     (StripeFlag.SATURATED, "saturated", "are clipped", "take shorter exposures"),
-    (
-        StripeFlag.HALO,
-        "halo",
-        "lie in a halo that shifts them by more than their sigma",
-        "",
-    ),
+    (StripeFlag.HALO, "halo", "are shifted by a halo", ""),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
     (
         StripeFlag.AMBIGUOUS,
@@ -84,13 +79,13 @@ def grid_findings(
         )
     ]
     out += _thickness_findings(grid.thickness, stated, where)
-    flags, sigma = clipped.flags[clipped.found], clipped.sigma[clipped.found]
+    flags = clipped.flags[clipped.found]
     for bit, word, what, remedy in _WORDS:
         share = float(((flags & bit) != 0).mean())
         if share >= _SHARE:
             text = f"{share:.0%} of the points {what}"
             if bit == StripeFlag.HALO:
-                text += f", usually {np.median(sigma[(flags & bit) != 0]):.2g} mm"
+                text += _moved(clipped)
                 remedy = _halo_remedy(strategy)
             out.append(Finding(f"points.{word}", "note", text, where, remedy))
     return out
@@ -112,6 +107,17 @@ def _thickness_findings(seen: float, stated: float | None, where: str) -> list[F
         "another focus or another laser"
     )
     return [Finding("points.sheet-thickness", "warning", text, where, remedy)]
+
+
+def _moved(grid: RangeGrid) -> str:
+    """By how much halos move the points of a grid, in words."""
+    flagged = grid.found & ((grid.flags & StripeFlag.HALO) != 0)
+    sigma = float(np.median(grid.sigma[flagged]))
+    if grid.halo is None or np.isnan(grid.halo[flagged]).all():
+        return f", by how much is not known (their sigma is {sigma:.2g} mm)"
+    known = grid.halo[flagged]
+    half, most = np.quantile(known[~np.isnan(known)], [0.5, 0.95])
+    return f": half by {half:.2g} mm or more, 5 % by more than {most:.2g} mm (sigma {sigma:.2g} mm)"
 
 
 def _halo_remedy(strategy: str) -> Remedy | str:

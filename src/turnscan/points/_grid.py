@@ -64,6 +64,9 @@ class RangeGrid:
     """(s, n, 3) mm by which one standard deviation of what is not known of the thick sheet moves
     the points, all of them at once, so that it does not average out; None where its thickness is
     not known."""
+    halo: Singles | None = None
+    """(s, n) mm by which light that spread in the material is estimated to have moved a point along
+    the laser sheet, where it is flagged HALO; NaN elsewhere and where its tails do not tell."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:
@@ -81,6 +84,9 @@ class RangeGrid:
         if self.light_doubt is not None:
             doubt = frozen(self.light_doubt, (s, n, 3), "RangeGrid.light_doubt", np.float32)
             put(self, "light_doubt", doubt)
+        if self.halo is not None:
+            halo = frozen(self.halo, (s, n), "RangeGrid.halo", np.float32, nan=True)
+            put(self, "halo", halo)
         if self.behind is not None:
             put(self, "behind", frozen(self.behind, (s, n), "RangeGrid.behind", np.bool_))
 
@@ -135,6 +141,7 @@ class RangeGrid:
             flags=self.flags[:, lines],
             behind=None if self.behind is None else self.behind[:, lines],
             light_doubt=None if self.light_doubt is None else self.light_doubt[:, lines],
+            halo=None if self.halo is None else self.halo[:, lines],
         )
 
     def among(self, lines: slice, light: Floats, flags: Flags) -> RangeGrid:
@@ -157,7 +164,7 @@ class RangeGrid:
             in_parts(part, len(out))
             return handed_over(out, nan=nan)
 
-        behind, doubt = self.behind, self.light_doubt
+        behind, doubt, halo = self.behind, self.light_doubt, self.halo
         return replace(
             self,
             points=all_of(self.points, np.nan, nan=True),
@@ -166,6 +173,7 @@ class RangeGrid:
             flags=all_of(self.flags, flags),
             behind=None if behind is None else all_of(behind, False),
             light_doubt=None if doubt is None else all_of(doubt, 0.0),
+            halo=None if halo is None else all_of(halo, np.nan, nan=True),
         )
 
 

@@ -150,5 +150,6 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
         amplitude=(1.0 - w) * grid.amplitude[k, a] + w * grid.amplitude[k, b],
         flags=flags.astype(np.uint16),
         behind=behind,
+        halo=None if grid.halo is None else np.fmax(grid.halo[k, a], grid.halo[k, b]),
         origin=Origin(grid, np.where(there, at - 1 + w, np.nan)),
     )

@@ -74,14 +74,14 @@ def drop_glow(table: Floats, bits: Flags) -> None:
             if wide and table[2, v, j] < GLOW_AMPLITUDE * amplitude:
                 continue
             if kept < j:
-                for i in range(4):
+                for i in range(table.shape[0]):
                     table[i, v, kept] = table[i, v, j]
                 bits[v, kept] = bits[v, j]
             if table[3, v, j] > GRAZING_WIDTH * width:
                 bits[v, kept] |= GRAZING
             kept += 1
         for j in range(kept, k):
-            for i in range(4):
+            for i in range(table.shape[0]):
                 table[i, v, j] = np.nan
             bits[v, j] = 0
         if kept > 1:
@@ -221,7 +221,7 @@ def restrict_lines(table: Floats, bits: Flags, inside: Bools, beyond: Floats) ->
         kept = 0
         for j in range(k):
             if not lost[j]:
-                for i in range(4):
+                for i in range(table.shape[0]):
                     table[i, v, kept] = table[i, v, j]
                 bits[v, kept] = bits[v, j]
                 kept += 1
@@ -236,7 +236,7 @@ def restrict_lines(table: Floats, bits: Flags, inside: Bools, beyond: Floats) ->
 def gather(
     table: Floats, bits: Flags, chosen: Ints, beyond: Floats, out: Floats, flags: Flags
 ) -> None:
-    """Copy the chosen candidates into ``out`` (4, lines), and flag where the stripe ends.
+    """Copy the chosen candidates into ``out`` (5, lines), and flag where the stripe ends.
 
     It goes on where a centre of the next line is near, be it one ``beyond`` the region that counts.
     """
@@ -244,11 +244,11 @@ def gather(
     for v in range(lines):
         j = chosen[v]
         if j >= 0:
-            for i in range(4):
+            for i in range(table.shape[0]):
                 out[i, v] = table[i, v, j]
             flags[v] = bits[v, j]
         else:
-            for i in range(4):
+            for i in range(table.shape[0]):
                 out[i, v] = np.nan
             left_out = not np.isnan(table[0, v, 0])
             flags[v] = (bits[v, 0] & OUTSIDE) or (DARK | (AMBIGUOUS if left_out else 0))
@@ -333,7 +333,7 @@ def choose_lines(
     out: Floats,
     flags: Flags,
 ) -> float:
-    """From all candidates to ``out`` (4, lines) and ``flags`` (lines): choose, gather, flag.
+    """From all candidates to ``out`` (5, lines) and ``flags`` (lines): choose, gather, flag.
 
     ``with_scatter`` raises the sigmas to the scatter of the centres along the stripe; ``beyond``
     (lines, J) are the centres outside the region that counts. The `scatter` is returned: 0

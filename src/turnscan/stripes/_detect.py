@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.stripes._detector import centres_of, told
 from turnscan.stripes._light import Light
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
-from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
+from turnscan.stripes._stripe import MEASURES, Candidates, Orientation, Stripe, StripeFlag
 
 if TYPE_CHECKING:
     from turnscan.stripes._scan import Terms
@@ -42,7 +42,7 @@ def find_candidates(
     """
     settings = settings or StripeSettings()
     table, bits = _tables(lit, dark, settings)
-    return Candidates(table[0], table[1], table[2], table[3], bits, settings.orientation)
+    return Candidates.made_of(table, bits, settings.orientation)
 
 
 def choose(candidates: Candidates, settings: StripeSettings | None = None) -> Stripe:
@@ -54,8 +54,7 @@ def choose(candidates: Candidates, settings: StripeSettings | None = None) -> St
     """
     settings = settings or StripeSettings()
     c = candidates
-    table = np.stack([c.position, c.sigma, c.amplitude, c.width])
-    return chosen(table, c.flags.copy(), c.orientation, settings, c.beyond)
+    return chosen(c.table(), c.flags.copy(), c.orientation, settings, c.beyond)
 
 
 def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | None = None) -> Stripe:
@@ -86,18 +85,17 @@ def scattered(stripe: Stripe) -> Floats:
     """
     from turnscan.stripes._choice import scatter
 
-    table = np.stack([stripe.position, stripe.sigma, stripe.amplitude, stripe.width])
-    per_width = scatter(table, np.array(stripe.flags))
+    per_width = scatter(stripe.table(), np.array(stripe.flags))
     raised: Floats = np.sqrt(stripe.sigma**2 + np.nan_to_num(per_width) * stripe.width)
     return raised
 
 
 def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
-    """Run the kernel: (4, lines, K) position, sigma, amplitude, width, and (lines, K) flags."""
+    """Run the kernel: (5, lines, K) position, sigma, amplitude, width, halo; (lines, K) flags."""
     columns = lit.shape[1 if settings.orientation == "vertical" else 0]
     lit, off, roi = _prepare(lit, dark, settings)
     lines = lit.shape[0]
-    table = np.full((4, lines, settings.max_candidates), np.nan)
+    table = np.full((MEASURES, lines, settings.max_candidates), np.nan)
     bits = np.zeros((lines, settings.max_candidates), np.uint16)
     if roi[0] < roi[2] and roi[1] < roi[3]:
         terms = _terms(lit, off, roi, settings)
@@ -252,7 +250,7 @@ def chosen(
 
     lines = table.shape[1]
     outside = np.empty((lines, 0)) if beyond is None else np.array(beyond)
-    out = np.empty((4, lines))
+    out = np.empty((MEASURES, lines))
     flags = np.empty(lines, np.uint16)
     how = get_args(Choice).index(settings.choose)
     alone = settings.electrons_per_dn is None

@@ -17,7 +17,7 @@ from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
 def centres_of(
     detector: Detector | Plugin, lit: Image, dark: Image, settings: StripeSettings, most: int
 ) -> tuple[Floats, Flags]:
-    """Ask a detector: (4, n, most) position, sigma, amplitude, width, and (n, most) flags.
+    """Ask a detector: (5, n, most) position, sigma, amplitude, width, halo, and (n, most) flags.
 
     Centres are in ascending order, those that are too many left out from the faintest.
     Raises PluginError where it fails or returns what cannot be.
@@ -29,8 +29,8 @@ def centres_of(
     if not isinstance(found, Stripe | Candidates):
         kind = type(found).__name__
         raise _failure(detector, f"it returned a {kind}, not a Stripe or Candidates")
-    values = [found.position, found.sigma, found.amplitude, found.width]
-    table = np.stack([v.reshape(len(v), -1) for v in values])
+    whole = found.table()
+    table = whole.reshape(*whole.shape[:2], -1)
     flags = found.flags.reshape(len(found.flags), -1)
     trouble = _trouble(table, lit.shape)
     if trouble:
@@ -66,11 +66,11 @@ def _failure(detector: Detector | Plugin, text: str) -> PluginError:
 
 
 def _trouble(table: Floats, shape: tuple[int, ...]) -> str:
-    """What cannot be in (4, n, k) position, sigma, amplitude, width; nothing where all is well."""
+    """What cannot be in (5, n, k) of the measures of centres; nothing where all is well."""
     rows, columns = shape
     if table.shape[1] != rows:
         return f"{table.shape[1]} rows for a picture of {rows}"
-    position, sigma, amplitude, width = table
+    position, sigma, amplitude, width, _ = table
     there: Bools = ~np.isnan(position)
     if not there.any():
         return ""

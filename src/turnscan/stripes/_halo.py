@@ -101,9 +101,9 @@ def tails(some: Floats, n: int, pool: Longs, stops: Longs) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bools, Floats, Floats]:
-    """(H,) the highest of each line, True where light has spread beside the stripe there, how far
-    that moves its centre, in its widths, to the right if positive, and how the centres scatter
-    thereabouts, px².
+    """(H,) the highest of each line, True where light has spread beside the stripe there, (2, H)
+    how far that surely and likely moves its centre, in its widths, to the right if positive, and
+    (H,) how the centres scatter thereabouts, px².
 
     A grain of speckle in the tail of one line looks like a halo. But grains differ from line to
     line and light that spread in the material does not, so the sums over many lines decide: of the
@@ -140,7 +140,7 @@ def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bool
         for k in range(11):
             sums[v + 1, k] += sums[v, k]
     out = np.zeros(lines, np.bool_)
-    shift = np.zeros(lines)
+    shift = np.zeros((2, lines))
     scatter = np.zeros(lines)
     part = np.empty(11)
     for v in range(lines):
@@ -149,25 +149,30 @@ def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bool
             part[k] = sums[b, k] - sums[a, k]
         noise = 4.0 * terms.noise * math.sqrt(part[4] / (2.0 * FLANK))
         out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
-        shift[v] = shift_of(part[5], part[6], part[7], part[8], part[1] / max(part[4], 1.0))
+        light = part[1] / max(part[4], 1.0)
+        shift[0, v], shift[1, v] = shift_of(part[5], part[6], part[7], part[8], light)
         scatter[v] = part[9] / max(part[10], 1.0)
     return highest, out, shift, scatter
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def shift_of(near: float, squares: float, far: float, count: float, amplitude: float) -> float:
-    """Widths by which a tail moves the centre, from sums over ``count`` lines of what is in it more
-    than in the other, of its squares, and of what is left farther off.
+def shift_of(
+    near: float, squares: float, far: float, count: float, amplitude: float
+) -> tuple[float, float]:
+    """Widths by which a tail surely and likely moves the centre, from sums over ``count`` lines of
+    what is in it more than in the other, of its squares, and of what is left farther off.
 
-    What speckle and the camera make of the sum is no tail: three standard errors are taken off.
+    What speckle and the camera make of the sum is no tail: three standard errors are taken off what
+    is sure.
     """
     if count < 2.0:
-        return 0.0
+        return 0.0, 0.0
     mean = near / count
     error = math.sqrt(max(squares / count - mean * mean, 0.0) / (count - 1.0))
     sure = abs(mean) - 3.0 * error
     if sure <= 0.0:
-        return 0.0
+        return 0.0, 0.0
     left = min(max(far / near, TAIL_FALL), TAIL_RISE)
     power = TAIL_POWER if left <= 1.0 else 2.0 * TAIL_POWER
-    return math.copysign(sure / amplitude * left**-power, mean)
+    each = left**-power / amplitude
+    return math.copysign(sure, mean) * each, mean * each

@@ -223,7 +223,7 @@ def write_down(
             # Light that spread beside the stripe drags the window along; its core stays in place.
             # A line between glowing ones is measured as they are, lest the surface be stepped.
             strategy = BLAIS_RIOUX
-        moved = shift[v] * some[i, WIDTH]
+        moved = shift[0, v] * some[i, WIDTH]
         factor, phase = NOISE_FACTOR[strategy], PHASE_ERROR[strategy]
         if strategy in (CENTROID, MEDIAN):
             # Their phase error comes from what the threshold cuts off.
@@ -242,6 +242,8 @@ def write_down(
         else:
             # By more than its sigma, speckle included; a halo alike on both sides moves nothing.
             told = moved * moved > max(variance, scatter[v])
+            if told:
+                table[4, v, j] = shift[1, v] * some[i, WIDTH]
         flags |= HALO * told
         table[0, v, j] = position
         table[1, v, j] = math.sqrt(variance)
@@ -302,7 +304,7 @@ def measure_candidates(
 def detect_lines(
     lit: Image, dark: Image, roi: Region, terms: Terms, table: Floats, bits: Flags
 ) -> None:
-    """Fill ``table`` (4, H, K: position, sigma, amplitude, width) and ``bits`` (H, K).
+    """Fill ``table`` (5, H, K: position, sigma, amplitude, width, halo) and ``bits`` (H, K).
 
     Both come filled with NaN and zeros.
     """

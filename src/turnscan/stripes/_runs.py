@@ -18,7 +18,7 @@ from turnscan.errors import InputError
 from turnscan.runs import Runs
 from turnscan.stripes._detect import Table, chosen, readable, region_of, terms_of
 from turnscan.stripes._settings import StripeSettings
-from turnscan.stripes._stripe import Stripe, StripeFlag
+from turnscan.stripes._stripe import MEASURES, Stripe, StripeFlag
 
 if TYPE_CHECKING:
     from turnscan.stripes._signal import Signal
@@ -77,7 +77,7 @@ class RunDetector:
         if not lay_runs(surface, order, runs.lit, off, terms):
             return None
         lines, wanted = self._shape[0], self._settings.max_candidates
-        table = np.full((4, lines, wanted), np.nan)
+        table = np.full((MEASURES, lines, wanted), np.nan)
         bits = np.zeros((lines, wanted), np.uint16)
         u0, v0, u1, v1 = self._roi
         if u0 < u1 and v0 < v1:

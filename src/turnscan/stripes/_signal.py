@@ -268,9 +268,8 @@ def restrict(candidates: Candidates, inside: Bools) -> Candidates:
     from turnscan.stripes._choice import restrict_lines
 
     c = candidates
-    table = np.stack([c.position, c.sigma, c.amplitude, c.width])
-    bits = c.flags.copy()
+    table, bits = c.table(), c.flags.copy()
     beyond = np.empty(bits.shape)
     picture = readable(inside if c.orientation == "vertical" else inside.T)
     restrict_lines(table, bits, picture, beyond)
-    return Candidates(table[0], table[1], table[2], table[3], bits, c.orientation, beyond)
+    return Candidates.made_of(table, bits, c.orientation, beyond)

@@ -12,6 +12,8 @@ from turnscan.arrays import Flags, Floats, frozen
 
 Orientation = Literal["vertical", "horizontal"]
 """vertical: one centre per image row (its column); horizontal: one centre per column (its row)."""
+MEASURES = 5
+"""Rows of a table of centres: position, sigma, amplitude, width, halo."""
 
 
 class StripeFlag(IntFlag):
@@ -64,12 +66,17 @@ class Stripe:
     how the centres scatter along the stripe; NaN where they are too few to tell, and none is in
     it. Refined lines (flag REFINED) have it no more. `points.build_grid` takes it from several
     pictures together."""
+    halo: Floats | None = None
+    """(n,) px: how far light that spread in the material is estimated to have moved the centre,
+    towards higher numbers if positive, where it is flagged HALO; NaN elsewhere and where the tails
+    do not tell. None where nothing looked for it."""
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        for name in ("position", "sigma", "amplitude", "width"):
-            values = frozen(getattr(self, name), (n,), f"Stripe.{name}", nan=True)
-            object.__setattr__(self, name, values)
+        for name in ("position", "sigma", "amplitude", "width", "halo"):
+            if name != "halo" or self.halo is not None:
+                values = frozen(getattr(self, name), (n,), f"Stripe.{name}", nan=True)
+                object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, (n,), "Stripe.flags", np.uint16))
 
     @classmethod
@@ -78,13 +85,13 @@ class Stripe:
     ) -> Stripe:
         """A stripe of fresh arrays that no one else writes to: kept as they are, not checked.
 
-        ``table`` (4, n) is position, sigma, amplitude and width, ``flags`` (n,) uint16; both
+        ``table`` (5, n) is position, sigma, amplitude, width and halo, ``flags`` (n,) uint16; both
         become read-only. For the detector, where checks and copies would cost a frame's twentieth.
         """
         table.flags.writeable = False
         flags.flags.writeable = False
         stripe = object.__new__(cls)
-        position, sigma, amplitude, width = table
+        position, sigma, amplitude, width, halo = table
         stripe.__dict__.update(
             position=position,
             sigma=sigma,
@@ -93,8 +100,13 @@ class Stripe:
             flags=flags,
             orientation=orientation,
             scatter=scatter,
+            halo=halo,
         )
         return stripe
+
+    def table(self) -> Floats:
+        """(5, n) position, sigma, amplitude, width, halo: a copy."""
+        return _table(self)
 
     @property
     def found(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -127,15 +139,36 @@ class Candidates:
     beyond: Floats | None = None
     """(n, J) px, NaN where there is none: centres outside the region that counts. None of them can
     be chosen; they tell where a stripe goes on across the region's border."""
+    halo: Floats | None = None
+    """(n, K) px, as `Stripe.halo`."""
 
     def __post_init__(self) -> None:
         shape = self.position.shape
         if len(shape) != 2:
             raise ValueError(f"Candidates.position: shape {shape}, expected (lines, K)")
-        for name in ("position", "sigma", "amplitude", "width"):
-            values = frozen(getattr(self, name), shape, f"Candidates.{name}", nan=True)
-            object.__setattr__(self, name, values)
+        for name in ("position", "sigma", "amplitude", "width", "halo"):
+            if name != "halo" or self.halo is not None:
+                values = frozen(getattr(self, name), shape, f"Candidates.{name}", nan=True)
+                object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, shape, "Candidates.flags", np.uint16))
         if self.beyond is not None:
             beyond = frozen(self.beyond, (shape[0], None), "Candidates.beyond", nan=True)
             object.__setattr__(self, "beyond", beyond)
+
+    @classmethod
+    def made_of(
+        cls, table: Floats, flags: Flags, orientation: Orientation, beyond: Floats | None = None
+    ) -> Candidates:
+        """Candidates of a table (5, n, K) of position, sigma, amplitude, width and halo."""
+        position, sigma, amplitude, width, halo = table
+        return cls(position, sigma, amplitude, width, flags, orientation, beyond, halo)
+
+    def table(self) -> Floats:
+        """(5, n, K) position, sigma, amplitude, width, halo: a copy."""
+        return _table(self)
+
+
+def _table(of: Stripe | Candidates) -> Floats:
+    nothing = np.full(of.position.shape, np.nan)
+    last = nothing if of.halo is None else of.halo
+    return np.stack([of.position, of.sigma, of.amplitude, of.width, last])

@@ -39,6 +39,8 @@ class ScanStripes:
     scatter: Floats
     """(s,) px: how far the centres of each frame scatter for their width (`Stripe.scatter`)."""
     orientation: Orientation
+    halo: Floats
+    """(s, n) px by which halos are estimated to move ``position``, NaN where nothing tells."""
 
     @property
     def found(self) -> Bools:
@@ -52,7 +54,8 @@ class ScanStripes:
     def stripe(self, k: int) -> Stripe:
         """The stripe of the k-th frame."""
         own = (self.position[k], self.sigma[k], self.amplitude[k], self.width[k])
-        return Stripe(*own, self.flags[k], self.orientation, float(self.scatter[k]))
+        scatter, halo = float(self.scatter[k]), self.halo[k]
+        return Stripe(*own, self.flags[k], self.orientation, scatter, halo)
 
 
 def stripes_of(
@@ -114,4 +117,5 @@ def _arrays(
         flags,
         np.array([s.scatter for s in found], np.float64),
         plan.orientation,
+        np.array([s.table()[-1] for s in found]).reshape(len(found), lines),
     )
