@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
 from queue import Empty, SimpleQueue
+from types import MappingProxyType
 
 import numpy as np
 
@@ -34,6 +35,12 @@ from turnscan.threads import thread_count
 
 FLANKS = 24
 """px beyond the working volume in which a stripe is still seen, but does not count."""
+
+
+Looked = tuple[int, float, Stripe, float]
+"""Step, angle rad, stripe, and standard uncertainty of the angle; NaN where not known."""
+Known = Mapping[int, Looked]
+"""What the frames of some steps show of one laser, by step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +71,16 @@ class View:
         tick: Callable[[], None],
         jobs: int | None = None,
         only: Collection[int] | None = None,
+        known: Known = MappingProxyType({}),
     ) -> tuple[Stripes, list[Finding]]:
         """The stripes of all frames, and what is missing; ``tick`` is called after each frame.
 
-        With ``only``, of the frames of these steps. ``jobs`` threads share the work, one for each
-        core where it is None. Raises ScanCorrupt naming a frame.
+        With ``only``, of the frames of these steps; those of ``known`` steps are not searched
+        again. ``jobs`` threads share the work, one for each core where it is None. Raises
+        ScanCorrupt naming a frame.
         """
-        scan = self.scan
-        brackets, done = look_through(scan, self.lit, self.settings, self.inside, tick, jobs, only)
+        scan, look = self.scan, self.settings
+        brackets, done = look_through(scan, self.lit, look, self.inside, tick, jobs, only, known)
         good = [k for k, (_, angle, *_) in enumerate(done) if not np.isnan(angle)]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
         steps = tuple(done[k][0] for k in good)
@@ -157,10 +166,6 @@ def moved(
     )
 
 
-Looked = tuple[int, float, Stripe, float]
-"""Step, angle rad, stripe, and standard uncertainty of the angle; NaN where not known."""
-
-
 def look_through(
     scan: Scan,
     lit: str,
@@ -169,14 +174,15 @@ def look_through(
     tick: Callable[[], None] = lambda: None,
     jobs: int | None = None,
     only: Collection[int] | None = None,
+    known: Known = MappingProxyType({}),
 ) -> tuple[list[list[Stored]], list[Looked]]:
     """The frames of a name, those of a step together, and the stripe of each step.
 
     ``inside`` (H, W) is True where a stripe counts; ``tick`` is called after each frame, by any
-    thread; ``jobs`` threads share the work. With ``only``, the frames of these steps. Raises
-    ScanCorrupt naming a frame.
+    thread; ``jobs`` threads share the work. With ``only``, the frames of these steps; what is
+    ``known`` of a step is taken as it is. Raises ScanCorrupt naming a frame.
     """
-    search = _Search(scan, settings, inside, tick)
+    search = _Search(scan, settings, inside, tick, known)
     # A bracket tells what is clipped by the colours as they were taken.
     stored = scan.stored(lit, search.signal.project if scan.plan.exposures == 1 else None)
     with ThreadPoolExecutor(jobs or thread_count()) as pool:
@@ -189,13 +195,19 @@ class _Search:
     """Finds the stripes of one laser, step by step, in any number of threads at a time."""
 
     def __init__(
-        self, scan: Scan, settings: StripeSettings, inside: Bools | None, tick: Callable[[], None]
+        self,
+        scan: Scan,
+        settings: StripeSettings,
+        inside: Bools | None,
+        tick: Callable[[], None],
+        known: Known,
     ) -> None:
         self.signal = Signal(scan.plan.weights, scan.plan.dtype)
         self._plan = scan.plan
         self._settings = settings
         self._inside = inside
         self._tick = tick
+        self._known = known
         self._sparse = (
             scan.plan.keep == "sparse"
             and scan.plan.exposures == 1
@@ -206,12 +218,16 @@ class _Search:
 
     def find(self, shots: list[Stored]) -> Looked:
         """The stripe in the frames of one step. Raises ScanCorrupt naming a frame."""
+        looked = self._known.get(shots[0].row.step) or self._look(shots)
+        for _ in shots:
+            self._tick()
+        return looked
+
+    def _look(self, shots: list[Stored]) -> Looked:
         first = shots[0]
         stripe = self._in_runs(first) if self._sparse else None
         if stripe is None:
             stripe = self._in_pictures([stored.decode() for stored in shots])
-        for _ in shots:
-            self._tick()
         return first.row.step, first.angle, stripe, first.row.sigma
 
     def _in_pictures(self, frames: list[Frame]) -> Stripe:
@@ -240,20 +256,45 @@ def detect_scan(
     tick: Callable[[], None] = lambda: None,
     only: str | None = None,
     jobs: int | None = None,
+    known: Sequence[Known] = (),
 ) -> list[Detection]:
     """The stripes of each laser of a scan, in all its frames.
 
     ``volume`` None takes what the rig can measure; ``tick`` is called after each frame; ``only``
     names one laser, None takes all. It is what takes time in a reconstruction, and what no edit
     changes. ``jobs`` threads share it, one for each core where it is None; their number
-    changes nothing in the result. Raises ScanCorrupt naming a frame.
+    changes nothing in the result. ``known`` is, for each laser in turn, what `look_in_block` found
+    of some steps: they are not searched again. Raises ScanCorrupt naming a frame.
     """
     seen = []
-    for view in views_of(scan, rig, settings, volume, only):
-        stripes, found = view.seek(tick, jobs)
+    for number, view in enumerate(views_of(scan, rig, settings, volume, only)):
+        stripes, found = view.seek(tick, jobs, known=known[number] if known else {})
         seen.append(Detection(view, stripes, tuple(found)))
     give_back()
     return seen
+
+
+def look_in_block(
+    scan: Scan,
+    rig: Rig,
+    settings: StripeSettings,
+    volume: Volume | None,
+    block: int,
+    blocks: int,
+) -> tuple[Known, ...]:
+    """What one of so many blocks of a scan's steps shows of each laser, for `detect_scan`.
+
+    Each block is a run of neighbouring steps, and all are of about the same length. Raises
+    ScanCorrupt naming a frame.
+    """
+    found = []
+    for view in views_of(scan, rig, settings, volume):
+        steps = sorted(scan.steps(view.lit))
+        a, b = (len(steps) * k // blocks for k in (block, block + 1))
+        chosen = frozenset(steps[a:b])
+        _, done = look_through(scan, view.lit, view.settings, view.inside, only=chosen)
+        found.append({looked[0]: looked for looked in done})
+    return tuple(found)
 
 
 def views_of(

@@ -263,7 +263,7 @@ def test_a_cluster_leaves_a_scan_behind_that_takes_too_long(
 ) -> None:
     enough = threading.Event()
 
-    def endless(task: workflows.Task) -> Outcome:
+    def endless(task: workflows.Task, looked: object) -> Outcome:
         enough.wait()
         raise StorageFull("the disk is full")
 

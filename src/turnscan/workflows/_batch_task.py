@@ -13,12 +13,13 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from turnscan import __version__, threads
+from turnscan.detection import Known
 from turnscan.errors import (
     CalibrationError,
     ExportError,
@@ -37,12 +38,14 @@ from turnscan.workflows._compare import compare
 from turnscan.workflows._import_pictures import import_pictures
 from turnscan.workflows._loading import load
 from turnscan.workflows._reading import read_rig_file
-from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._reconstruct import Order
 from turnscan.workflows._result import ReconstructResult
 
 State = Literal["done", "pass", "fail", "error"]
 THUMBNAIL = "thumbnail.png"
 _FORMAT, _VERSION = "turnscan-outcome", 1
+_BLOCK = 128 << 20
+"""Bytes of a scan file that one worker looks through: some 2 000 frames of 5 megapixels."""
 _LASTING = (InputError, CalibrationError, ScanCorrupt, ScanNewer)
 """Errors that a scan has for ever, with this recipe: kept as its result. Others may pass."""
 
@@ -116,10 +119,34 @@ def outcome_from_json(text: str, where: str, *, reused: bool = False) -> Outcome
     return out
 
 
-def run_task(task: Task) -> Outcome:
+def blocks_of(task: Task) -> int:
+    """How many blocks of frames a task is worth: one but for a huge scan file on a shared disk
+    that is still to be made. Each worker would copy all of a file from object storage."""
+    path = Path(task.source)
+    if storage.is_address(task.source) or not path.is_file():
+        return 1
+    blocks = -(-path.stat().st_size // _BLOCK)
+    if blocks > 1 and not task.again:
+        place = storage.join(task.output, _folder_name(task, path))
+        if _outcome_at(place, task.source) is not None:
+            return 1
+    return blocks
+
+
+def look_at_block(task: Task, block: int, blocks: int) -> tuple[Known, ...]:
+    """What one of so many blocks of a task's frames shows, for `run_task`; nothing where it cannot
+    be said: then the task looks itself, and says why."""
+    try:
+        return _order(task.recipe, Path(task.source)).block(block, blocks)
+    except Exception:  # noqa: BLE001 (whatever it is, the task comes to it and makes it its outcome)
+        return ()
+
+
+def run_task(task: Task, looked: Sequence[Sequence[Known]] = ()) -> Outcome:
     """Make what is not there of a task, and say what became of it.
 
-    Raises ExportError where the result cannot be written: that is not the scan's fault.
+    What blocks of its frames show is not looked for again. Raises ExportError where the result
+    cannot be written: that is not the scan's fault.
     """
     with scratch(None if storage.is_address(task.output) else Path(task.output)) as work:
         try:
@@ -134,7 +161,7 @@ def run_task(task: Task) -> Outcome:
         made.mkdir()
         begin = time.monotonic()
         try:
-            outcome = _make(task, source, work, made)
+            outcome = _make(task, source, work, made, _together(looked))
         except ExportError:
             raise
         except _LASTING as e:
@@ -161,10 +188,23 @@ def _outcome_at(place: str, source: str) -> Outcome | None:
     return replace(there, source=source)
 
 
-def _make(task: Task, source: Path, work: Path, made: Path) -> Outcome:
+def _order(recipe: Recipe, scan: Path) -> Order:
+    return Order(scan, recipe.options, str(recipe.edits), recipe.settings)
+
+
+def _together(looked: Sequence[Sequence[Known]]) -> list[Known]:
+    """For each laser, what all blocks show."""
+    told = [block for block in looked if block]
+    return [
+        {step: shown for known in of_laser for step, shown in known.items()}
+        for of_laser in zip(*told, strict=True)
+    ]
+
+
+def _make(task: Task, source: Path, work: Path, made: Path, known: Sequence[Known]) -> Outcome:
     recipe, name = task.recipe, storage.stem(task.source)
     scan = _imported(recipe, source, work, name) if source.is_dir() else source
-    result = reconstruct(scan, recipe.options, edits=str(recipe.edits), settings=recipe.settings)
+    result = _order(recipe, scan).carried_out(known)
     findings = tuple(record(f) for f in result.findings)
     if result.failed:
         problem = next(f.message for f in result.findings if f.severity == "error")

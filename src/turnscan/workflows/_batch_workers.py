@@ -12,20 +12,32 @@ import multiprocessing
 import queue
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
+from turnscan.detection import Known
 from turnscan.errors import DeviceTimeout, InputError, PluginError, TurnscanError
 from turnscan.threads import thread_count
-from turnscan.workflows._batch_task import Outcome, Task, quiet_worker, run_task
+from turnscan.workflows._batch_task import (
+    Outcome,
+    Task,
+    blocks_of,
+    look_at_block,
+    quiet_worker,
+    run_task,
+)
 
 _LOOK = 0.2
 """s between two looks at a cluster."""
 _TASKS_PER_PROCESS = 200
 """Then a new process takes the place of a worker, so that nothing can grow without end."""
+
+
+Done = TypeVar("Done")
 
 
 @dataclass(frozen=True)
@@ -133,7 +145,8 @@ def on_cluster(
 
     Its workers see the same folders, or the batch is on object storage. What a scheduler or a
     worker forgets is asked for again; what is there is not made again. A task that takes too long
-    is not tried again: it would take another of the cluster's processors.
+    is not tried again: it would take another of the cluster's processors. The frames of a huge
+    scan are looked through in blocks, by as many workers as there are.
 
     Raises PluginError where Dask is absent, InputError for an address that is none, DeviceTimeout
     where there is no scheduler.
@@ -143,7 +156,7 @@ def on_cluster(
     while pending:
         with _connected(address, patience.cluster) as client:
             futures = {
-                client.submit(run_within, task, patience.seconds, pure=False, retries=0): number
+                _submitted(client, task, patience, in_blocks=not tries[number]): number
                 for number, task in pending.items()
             }
             for number, came in _as_they_come(client, futures):
@@ -157,28 +170,52 @@ def on_cluster(
                 yield came
 
 
-def run_within(task: Task, seconds: float) -> Outcome:
+def _submitted(client: Any, task: Task, patience: Patience, *, in_blocks: bool) -> Any:
+    """The future of a task. A block that is lost makes it lost, too: then it goes on alone."""
+    submit = partial(client.submit, pure=False, retries=0)
+    blocks = blocks_of(task) if in_blocks else 1
+    looked = [
+        submit(look_within, task, patience.seconds, block, blocks)
+        for block in range(blocks if blocks > 1 else 0)
+    ]
+    return submit(run_within, task, patience.seconds, looked)
+
+
+def run_within(task: Task, seconds: float, looked: Sequence[Sequence[Known]] = ()) -> Outcome:
     """`run_task` on a worker of a cluster, which goes on to other tasks after so long.
 
-    Nothing can end a thread, and the process is the cluster's: what takes too long is left behind.
     Should it end after all, its result is there for a batch that is begun again.
     """
-    came: queue.SimpleQueue[Outcome | BaseException] = queue.SimpleQueue()
+    late = Outcome(task.source, "error", problem=f"not done within {seconds:g} s (1 try)")
+    return _within(seconds, lambda: run_task(task, looked), late)
 
-    def work() -> None:
+
+def look_within(task: Task, seconds: float, block: int, blocks: int) -> tuple[Known, ...]:
+    """`look_at_block` on a worker of a cluster; nothing where it takes longer."""
+    return _within(seconds, lambda: look_at_block(task, block, blocks), ())
+
+
+def _within(seconds: float, work: Callable[[], Done], late: Done) -> Done:
+    """What the work comes to, or ``late``; raises what it raises.
+
+    Nothing can end a thread, and the process is the cluster's: what takes too long is left behind.
+    """
+    came: queue.SimpleQueue[tuple[Done] | BaseException] = queue.SimpleQueue()
+
+    def run() -> None:
         try:
-            came.put(run_task(task))
+            came.put((work(),))
         except BaseException as e:  # noqa: BLE001 (raised again below)
             came.put(e)
 
-    threading.Thread(target=work, daemon=True, name="task").start()
+    threading.Thread(target=run, daemon=True, name="task").start()
     try:
-        outcome = came.get(timeout=seconds)
+        done = came.get(timeout=seconds)
     except queue.Empty:
-        return Outcome(task.source, "error", problem=f"not done within {seconds:g} s (1 try)")
-    if isinstance(outcome, BaseException):
-        raise outcome
-    return outcome
+        return late
+    if isinstance(done, BaseException):
+        raise done
+    return done[0]
 
 
 def _as_they_come(client: Any, futures: dict[Any, int]) -> Iterator[tuple[int, Outcome | None]]:

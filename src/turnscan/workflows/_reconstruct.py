@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from turnscan.detection import detect_scan
+from turnscan.detection import Known, detect_scan, look_in_block
 from turnscan.edit import Entry
 from turnscan.findings import Finding
 from turnscan.pipeline import build
@@ -109,6 +109,32 @@ def reconstruct(
     return result if note is None else replace(result, notes=(note,))
 
 
+@dataclass(frozen=True)
+class Order:
+    """How a scan file is to be reconstructed, as in `reconstruct`."""
+
+    scan: Path
+    options: ReconstructOptions | None
+    edits: str
+    settings: str
+
+    def block(self, block: int, blocks: int) -> tuple[Known, ...]:
+        """What a block of the scan's steps shows of each laser. Raises like `reconstruct`."""
+        with Scan.open(self.scan) as scan:
+            wanted, _ = _wanted(scan, self.options, self.settings, self.edits, {})
+            rig = rig_for(scan)
+            used = wanted.settings(rig, scan)
+            return look_in_block(scan, rig, used.stripes, used.volume, block, blocks)
+
+    def carried_out(self, known: Sequence[Known] = ()) -> ReconstructResult:
+        """The reconstruction; ``known`` of each laser is not searched again. Raises like it."""
+        if not known:
+            return reconstruct(self.scan, self.options, edits=self.edits, settings=self.settings)
+        with Scan.open(self.scan) as scan:
+            wanted, by_hand = _wanted(scan, self.options, self.settings, self.edits, {})
+            return _of_scan(scan, wanted, None, by_hand, None, no_progress, known)
+
+
 def _wanted(
     scan: Scan,
     options: ReconstructOptions | None,
@@ -129,6 +155,7 @@ def _of_scan(
     edits: Sequence[Entry],
     detector: Detector | None,
     progress: Progress,
+    known: Sequence[Known] = (),
 ) -> ReconstructResult:
     rig = rig_for(scan, rig)
     settings = options.settings(rig, scan)
@@ -137,7 +164,7 @@ def _of_scan(
     looks = sum(len(lit_in(name, rig)) * len(scan.steps(name)) for name in scan.plan.lasers)
     tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
     with compiling_ahead():
-        seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
+        seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick, known=known)
         surfacing = progress.subrange(_DETECTION, _SURFACE, "building the surface")
         done = build(seen, settings, edits, surfacing)
     remarks = below_stored(scan, settings.stripes.threshold)
