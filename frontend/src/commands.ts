@@ -27,6 +27,9 @@ export const roomList = signal<readonly Place[]>([]);
 /** What can be done with files, each with how to begin it. */
 export const fileCommands = signal<readonly Command[]>([]);
 
+/** The start page and the wizard, which no number leads to. */
+export const sideRooms = signal<readonly Place[]>([]);
+
 interface Place {
   id: string;
   title: string;
@@ -91,16 +94,18 @@ export function allCommands(): Command[] {
 /** What the other rooms offer and this one does not: running it leads there first. */
 export function commandsElsewhere(): Command[] {
   const here = new Set(allCommands().map(({ title }) => title));
-  return roomList.value
+  return [...roomList.value, ...sideRooms.value]
     .filter(({ id, needsScan }) => id !== place.value.room && !(needsScan && place.value.scan === null))
     .flatMap(({ id, title: room, commands }) =>
       commands
         .filter(({ title }) => !here.has(title))
-        .map(({ title, run }) => ({
+        .map(({ title, run, enabled }) => ({
           title,
+          enabled,
           group: room,
           run: () => {
-            go(id);
+            if (roomList.value.some((one) => one.id === id)) go(id);
+            else go(id, null);
             setTimeout(run);
           },
         })),

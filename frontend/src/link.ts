@@ -74,6 +74,14 @@ export class Link {
   }
 
   /**
+   * Let the socket go while the page is left: browsers keep pages alive that somebody may come back to, and
+   * such a page would stay the operator, with lasers lit. It connects again when it is shown.
+   */
+  leave(): void {
+    this.socket?.close();
+  }
+
+  /**
    * Send a request; resolves with its answer, rejects with `RefusedError`. Where its scan was closed
    * meanwhile, it is opened again first; an edit is up to the caller, since it names a revision.
    */

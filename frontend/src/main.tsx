@@ -3,7 +3,7 @@ import { render } from "preact";
 import { link } from "./bus";
 import { wizard } from "./calibrate/room";
 import { startCalibration } from "./calibrate/state";
-import { fileCommands, onKey, roomCommands, roomList } from "./commands";
+import { fileCommands, onKey, roomCommands, roomList, sideRooms } from "./commands";
 import { startDeviation } from "./inspect/deviation";
 import { ReplayDialog } from "./inspect/replay";
 import { startShapes } from "./inspect/shapes";
@@ -75,6 +75,7 @@ startVerbs();
 startDemo();
 startPoints();
 roomList.value = rooms;
+sideRooms.value = [home, wizard];
 effect(() => {
   roomCommands.value = room().commands;
 });
@@ -88,4 +89,5 @@ effect(() => {
 startDrops();
 render(<App />, document.getElementById("app")!);
 link.connect();
+window.addEventListener("pagehide", () => link.leave());
 expose();

@@ -878,6 +878,7 @@ def test_a_remark_names_settings_and_no_flags() -> None:
         [
             Finding("a", "note", "points went", "", Remedy("keep them with ", Option("edge", 0))),
             Finding("b", "warning", "a hole", "", "scan again"),
-        ]
+        ],
+        str,
     )
     assert [r.remedy for r in told] == ["keep them with “edge 0”", "scan again"]

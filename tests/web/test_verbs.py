@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import httpx
 import numpy as np
 import pytest
@@ -79,7 +80,7 @@ class Desk:
 
     def done(self, verb: str, name: str = "result", **values: Any) -> Message:
         ended = self.ask(verb, name, **values)
-        assert ended.get("state") == "done", ended
+        assert ended.get("state") == "done", ended.get("text", ended)
         return ended
 
     def content(self, file: Message) -> bytes:
@@ -174,6 +175,31 @@ def test_a_zip_of_pictures_becomes_a_scan(desk: Desk, place: Path) -> None:
     desk.sent("angles.csv", rows)
     listed_angles = desk.done("import", "other", pictures=[pictures], angles="angles.csv")
     assert "0.00° … 300.00°" in listed_angles["text"]
+
+
+def test_a_video_without_a_line_says_so_and_no_paths(
+    desk: Desk, place: Path, tmp_path: Path
+) -> None:
+    size = (160, 120)
+    video = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 15, size)
+    rng = np.random.default_rng(3)
+    room = cv2.GaussianBlur(rng.integers(20, 160, (*size[::-1], 3), dtype=np.uint8), (0, 0), 9)
+    for k in range(20):
+        video.write(np.roll(room, k, 1) + rng.integers(0, 8, room.shape, dtype=np.uint8))
+    video.release()
+    (sent,) = desk.sent("walk.avi", (tmp_path / "v.avi").read_bytes())
+    done = desk.done("import", "walk", pictures=[sent], angles="step:18")
+    lossy, none = (f for f in done["findings"] if f["code"] in ("scan.video", "scan.no-stripe"))
+    assert lossy["where"] == "walk.avi"
+    assert "no line is seen" in none["text"]
+    assert str(place) not in json.dumps(done)
+    assert "incoming" not in json.dumps(done)
+
+
+def test_an_empty_file_is_refused_and_not_kept(desk: Desk) -> None:
+    refused = desk.send("part.stl", b"")
+    assert (refused.status_code, "an empty file" in refused.text) == (400, True)
+    assert not [f for f in desk.browser.ask("list_files")["files"] if f["name"] == "part.stl"]
 
 
 def test_single_pictures_are_one_set_and_folders_are_lasers(desk: Desk) -> None:

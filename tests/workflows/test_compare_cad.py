@@ -224,9 +224,13 @@ def test_a_reference_in_inches_is_suspected(parts: Path, tmp_path: Path) -> None
     drawn = read_mesh_file(parts / "part.stl")
     small = tmp_path / "inch.stl"
     small.write_bytes(export(Mesh(drawn.vertices / 25.4, drawn.faces), ".stl"))
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match="is too small for the part") as caught:
         compare(parts / "got.ply", small, align="shape")
     assert "reference_unit=inch" in str(caught.value.hint)
+    (said,) = [f for f in compare(parts / "got.ply", small).findings if f.code == "compare.unit"]
+    assert "reference_unit=inch" in str(said.remedy)
+    right = compare(parts / "got.ply", small, align="shape", reference_unit="inch")
+    assert not [f for f in right.findings if f.code == "compare.unit"]
 
 
 def _box(draft: float, noise: float, seed: int) -> Mesh:

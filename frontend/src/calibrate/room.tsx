@@ -496,4 +496,14 @@ function Wizard() {
   );
 }
 
-export const wizard: Room = { id: "calibrate", title: "Calibrate", needsScan: false, View: Wizard, commands: [] };
+export const wizard: Room = {
+  id: "calibrate",
+  title: "Calibrate",
+  needsScan: false,
+  View: Wizard,
+  commands: STEPS.map((one) => ({
+    title: `Calibration: ${TITLES[one]}`,
+    group: "Calibrate",
+    run: () => (step.value = one),
+  })),
+};

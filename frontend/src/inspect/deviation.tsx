@@ -1,6 +1,7 @@
 /** Deviation from a reference: a map on the surface, its figures, and probes where one clicks. */
 import { computed, signal } from "@preact/signals";
 import { link } from "../bus";
+import { RefusedError } from "../link";
 import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { DeviationShown, ShowDeviation, SizeCheck } from "../protocol";
 import { complain, notify, place, scans } from "../state";
@@ -20,6 +21,7 @@ const UNITS = [
   ["inch", "inch"],
 ] as const;
 
+type Unit = NonNullable<ShowDeviation["unit"]>;
 type Way = NonNullable<ShowDeviation["align"]>;
 const WAYS: readonly (readonly [Way, string])[] = [
   ["shape", "by shape"],
@@ -37,7 +39,9 @@ const table = signal("");
 /** Tolerance of every size, and width of the profile's zone, mm. */
 const tolerance = signal("");
 const profile = signal<number | null>(null);
-const unit = signal<NonNullable<ShowDeviation["unit"]>>("mm");
+const unit = signal<Unit>("mm");
+/** In which the reference may be drawn, by its size: a person is asked. */
+const asksUnit = signal<Unit | null>(null);
 const shown = signal<DeviationShown | null>(null);
 /** The surface was changed since. */
 const old = signal(false);
@@ -92,6 +96,7 @@ async function show(): Promise<void> {
     return;
   }
   busy.value = true;
+  asksUnit.value = null;
   try {
     const tolerance_table = await tableFile();
     if (tolerance_table === undefined) return;
@@ -120,7 +125,9 @@ async function show(): Promise<void> {
     probing.value = true;
     drawMap();
   } catch (error) {
-    complain(error);
+    const other = error instanceof RefusedError ? error.options.find(({ name }) => name === "reference_unit") : null;
+    if (other) asksUnit.value = other.value as Unit;
+    else complain(error);
   } finally {
     busy.value = false;
   }
@@ -203,9 +210,36 @@ export function DeviationPanel() {
       <Button kind="primary" disabled={!reference.value || busy.value} onClick={() => void show()}>
         {busy.value ? "Comparing …" : "Compare"}
       </Button>
+      {asksUnit.value && <AskUnit than={asksUnit.value} />}
       {way.value === "none" && <p class="quiet">The reference is taken to be where the scan is.</p>}
       {now && <Figures of={now} />}
     </Section>
+  );
+}
+
+/** Whether the reference is drawn in another unit than was said. */
+function AskUnit({ than }: { than: Unit }) {
+  const name = options().find(([file]) => file === reference.value)?.[1] ?? "The reference";
+  return (
+    <div class="notice warning" role="alert">
+      <span>
+        In {unit.value}, {name} is too small for this part; its size fits in {than}. In which unit is it drawn?
+      </span>
+      <span class="row">
+        <Button
+          small
+          onClick={() => {
+            unit.value = than;
+            void show();
+          }}
+        >
+          Drawn in {than}
+        </Button>
+        <Button small onClick={() => (asksUnit.value = null)}>
+          Another reference
+        </Button>
+      </span>
+    </div>
   );
 }
 

@@ -1,5 +1,6 @@
 import type { Command } from "../commands";
 import { openSection } from "../ui/controls";
+import { pressNamed } from "../ui/onpage";
 import { viewCommands } from "../ui/surface";
 import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
 import { TOOLS, type Tool } from "../viewport/tools";
@@ -20,6 +21,8 @@ export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
   bridge: ["Bridge between two boundaries", "J"],
   cut: ["Cut by a plane", "K"],
 };
+
+const COPY = "Copy edits to another scan …";
 
 const view = () => currentViewport();
 const some = () => selected.value > 0;
@@ -60,6 +63,9 @@ const PANELS = [
   ["Remove small pieces …", "repair", "Small pieces"],
   ["Make watertight …", "repair", "Make watertight"],
   ["Join first and last profile …", "repair", "Seam"],
+  ["Candidates of a stripe …", "point", "Candidates in this line"],
+  ["Set of settings …", "settings", "Set of settings"],
+  ["Compare two settings …", "settings", "Compare two settings"],
 ] as const;
 
 function openPanel(where: Tab, section: string): void {
@@ -103,6 +109,22 @@ export const commands: readonly Command[] = [
   ...PANELS.map(([title, where, section]) => ({ title, group: "Edit", run: () => openPanel(where, section) })),
   { title: "Holes and findings", group: "Edit", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Edit", keys: "Y", run: () => (tab.value = "history") },
+  {
+    title: COPY,
+    group: "Edit",
+    run: () => {
+      tab.value = "history";
+      pressNamed(COPY);
+    },
+  },
+  {
+    title: "Profile off",
+    group: "Edit",
+    run: () => {
+      tab.value = "point";
+      pressNamed("Profile off");
+    },
+  },
   { title: "Settings of the reconstruction", group: "Edit", run: () => (tab.value = "settings") },
   ...viewCommands,
   {

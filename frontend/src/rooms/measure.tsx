@@ -15,6 +15,7 @@ import { complain, isOperator } from "../state";
 import { Button, openSection, Section } from "../ui/controls";
 import { hint } from "../ui/frame";
 import type { IconName } from "../ui/icons";
+import { pressNamed } from "../ui/onpage";
 import { SurfaceView, viewCommands } from "../ui/surface";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
@@ -249,6 +250,8 @@ function MeasureRoom() {
 /** What has settings of its own: the command leads to them. */
 const PANELS = ["Shapes", "Sections", "Deviation from a reference", "Report"] as const;
 
+const PRESSED = ["Save as CSV", "Measure the same on another scan …"] as const;
+
 export const measure: Room = {
   id: "measure",
   title: "Inspect",
@@ -260,6 +263,7 @@ export const measure: Room = {
     ...stepCommands,
     ...TOOLS.map(([name, title, keys]) => ({ title, group: "Tools", keys, run: () => (tool.value = name) })),
     ...PANELS.map((title) => ({ title: `${title} …`, group: "Measure", run: () => openSection(title) })),
+    ...PRESSED.map((title) => ({ title, group: "Measure", run: () => pressNamed(title) })),
     { title: "Take the marked point", group: "Measure", keys: "M", run: addMarked, enabled: () => marked() !== null },
     { title: "Measure it", group: "Measure", keys: "Enter", run: () => void take(), enabled: enough },
     {

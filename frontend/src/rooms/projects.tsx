@@ -197,7 +197,9 @@ function Projects() {
           <Gallery />
         ) : (
           connection.value === "open" && (
-            <p class="quiet">There are no scans here yet. Choose a way to begin above, or drop files anywhere.</p>
+            <p class="quiet">
+              There are no scans here yet. Choose a way to begin above, or drop files and folders anywhere.
+            </p>
           )
         )}
         <Bin />
@@ -214,7 +216,17 @@ export const projects: Room = {
   needsScan: false,
   View: Projects,
   commands: [
-    { title: "Try the demo", group: "Scans", run: () => void tryDemo() },
-    { title: "Open folder", group: "Scans", run: () => void ask({ kind: "show_folder" }) },
+    {
+      title: "Try the demo",
+      group: "Scans",
+      run: () => void tryDemo(),
+      enabled: () => isOperator.value && demoJob.value === undefined,
+    },
+    {
+      title: "Open folder",
+      group: "Scans",
+      run: () => void ask({ kind: "show_folder" }),
+      enabled: () => isOperator.value && (hello.value?.can_show_folder ?? false),
+    },
   ],
 };

@@ -245,5 +245,12 @@ export const repair: Room = {
   needsScan: true,
   View: Repair,
   Status: LastEdit,
-  commands,
+  commands: [
+    ...commands,
+    ...COLOUR_OPTIONS.map(([name, words]) => ({
+      title: `Colours: ${words}`,
+      group: "View",
+      run: () => (colouring.value = name),
+    })),
+  ],
 };

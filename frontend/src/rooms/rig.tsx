@@ -10,6 +10,7 @@ import { StripeField } from "../scanner/stripe";
 import { LivePane } from "../scanner/views";
 import { ask, devices, go, isOperator } from "../state";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
+import { pressNamed } from "../ui/onpage";
 import type { Room } from "./room";
 
 const SIMULATED = "sim:cup?seed=7";
@@ -153,7 +154,7 @@ function LookPanel() {
         }}
       />
       <StripeField />
-      <div class="grid-2">
+      <div class="row fill">
         <Button
           kind={now.looking ? undefined : "primary"}
           icon="camera"
@@ -219,9 +220,7 @@ function DoctorPanel() {
         <>
           <div role="status" aria-label="Verdict of the doctor">
             {report.text.split("\n").map((line) => (
-              <p key={line} class={line.startsWith("verdict") ? "verdict" : "next-step"}>
-                {line}
-              </p>
+              <p key={line}>{line.startsWith("verdict") ? <strong>{line}</strong> : line}</p>
             ))}
           </div>
           {report.findings.map((remark) => (
@@ -277,10 +276,25 @@ function Rig() {
   );
 }
 
+const PRESSED = [
+  "Connect",
+  "Connect again",
+  "Disconnect",
+  "Search again",
+  "Identify serial devices",
+  "Start live view",
+  "Stop live view",
+  "Turn",
+  "Is everything ready for a scan?",
+] as const;
+
 export const rig: Room = {
   id: "rig",
   title: "Setup",
   needsScan: false,
   View: Rig,
-  commands: [{ title: "Calibrate …", group: "Setup", run: () => go("calibrate", null) }],
+  commands: [
+    { title: "Calibrate …", group: "Setup", run: () => go("calibrate", null) },
+    ...PRESSED.map((title) => ({ title, group: "Setup", run: () => pressNamed(title) })),
+  ],
 };

@@ -261,5 +261,6 @@ export const scan: Room = {
   commands: [
     { title: "Start the scan", group: "Scan", keys: "Ctrl+Enter", run: start, enabled: mayStart },
     { title: "Pause or resume", group: "Scan", keys: "Space", run: toggle, enabled: isScanning },
+    { title: "Stop scan", group: "Scan", run: () => void ask({ kind: "abort" }), enabled: isScanning },
   ],
 };

@@ -31,7 +31,7 @@ export function LivePane({ empty }: { empty: string }) {
         <h2>Camera</h2>
         {now && (
           <span class="about">
-            {!devices.value?.looking && !isScanning() && "not live · "}
+            {!devices.value?.looking && !isScanning() && "last picture · "}
             {now.header.width} × {now.header.height}
             {now.header.step !== null && ` · step ${now.header.step}`}
             {now.header.lit.length

@@ -1,6 +1,7 @@
 /** Files may be dropped anywhere: while they are over the page it says so. */
 import { signal } from "@preact/signals";
 import { receive } from "../verbs/state";
+import { dropped } from "./folders";
 
 const over = signal(false);
 
@@ -8,7 +9,7 @@ export function DropHint() {
   if (!over.value) return null;
   return (
     <div class="drop-hint" aria-hidden="true">
-      <p>Drop scans, pictures, a video, a zip, range scans, a mesh, CAD or a rig</p>
+      <p>Drop scans, pictures, a folder of them, a video, a zip, range scans, a mesh, CAD or a rig</p>
     </div>
   );
 }
@@ -28,6 +29,6 @@ export function startDrops(): void {
   window.addEventListener("drop", () => (over.value = false), true);
   window.addEventListener("drop", (event) => {
     event.preventDefault();
-    void receive(event.dataTransfer?.files ?? []);
+    void dropped(event.dataTransfer).then(receive);
   });
 }

@@ -18,7 +18,9 @@ export function useDialog(close: () => void) {
     ref.current!.show();
     return () => {
       dialogs.value = dialogs.peek().filter((one) => one !== close);
-      if (before instanceof HTMLElement) setTimeout(() => before.focus());
+      // What the dialog led to keeps the keyboard.
+      const back = () => (document.activeElement ?? document.body) === document.body;
+      if (before instanceof HTMLElement) setTimeout(() => back() && before.focus());
     };
   }, []);
   return ref;

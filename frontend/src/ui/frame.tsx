@@ -1,11 +1,12 @@
 /** Status line, notices, palette and key sheet: what is the same in every room. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useState } from "preact/hooks";
+import { useMemo, useState } from "preact/hooks";
 import { allCommands, type Command, commandsElsewhere, keysOpen, paletteOpen } from "../commands";
 import { ask, dismiss, jobs, notices } from "../state";
 import { Button } from "./controls";
 import { dialogs, useDialog } from "./dialog";
+import { onThisPage } from "./onpage";
 
 /** What the tool at hand does, for the status line. */
 export const hint = signal("");
@@ -59,7 +60,11 @@ function PaletteDialog() {
   const [words, setWords] = useState("");
   const [at, setAt] = useState(0);
   const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
-  const found = [...allCommands(), ...commandsElsewhere()].filter(({ title, group }) =>
+  const all = useMemo(() => {
+    const named = [...allCommands(), ...commandsElsewhere()];
+    return [...named, ...onThisPage(new Set(named.map(({ title }) => title)))];
+  }, []);
+  const found = all.filter(({ title, group }) =>
     wanted.every((word) => `${title} ${group}`.toLowerCase().includes(word)),
   );
   const run = (command: Command | undefined) => {

@@ -1,6 +1,7 @@
 /** Fields of a verb's form, each made from a property of its schema. */
 import { useId, useRef, useState } from "preact/hooks";
 import type { VerbEntry } from "../protocol";
+import { chosenFolder, dropped } from "../start/folders";
 import { scans } from "../state";
 import { Button, Check, SelectField, TextField } from "../ui/controls";
 import { fieldOf, fromText, isMany, labelOf, type Property, takes, toText, whatIs } from "./schema";
@@ -96,6 +97,7 @@ function ValueField({ verb, name, property, required }: Omit<FieldProps, "error"
 /** Files of the library or from this computer: one, or several in the order in which they are chosen. */
 function FileField({ verb, name, property, required }: Omit<FieldProps, "error">) {
   const input = useRef<HTMLInputElement>(null);
+  const folder = useRef<HTMLInputElement>(null);
   const [over, setOver] = useState(false);
   const many = isMany(property);
   const value = formOf(verb).values[name];
@@ -108,7 +110,7 @@ function FileField({ verb, name, property, required }: Omit<FieldProps, "error">
       .filter(({ kinds }) => takes(property, kinds))
       .map((one) => [one.file, one.name, whatIs(one)] as const),
   ];
-  const add = async (list: FileList | null | undefined) => {
+  const add = async (list: Iterable<File> | null) => {
     const sent = new Set(await send(list ?? []));
     const fitting = [...sent].filter(
       (one) =>
@@ -132,7 +134,7 @@ function FileField({ verb, name, property, required }: Omit<FieldProps, "error">
         event.preventDefault();
         event.stopPropagation();
         setOver(false);
-        void add(event.dataTransfer?.files);
+        void dropped(event.dataTransfer).then(add);
       }}
     >
       {many ? (
@@ -162,6 +164,11 @@ function FileField({ verb, name, property, required }: Omit<FieldProps, "error">
         <Button small onClick={() => input.current?.click()}>
           From this computer
         </Button>
+        {takes(property, ["pictures"]) && (
+          <Button small onClick={() => folder.current?.click()}>
+            A folder
+          </Button>
+        )}
         <span class="quiet">or drop {many ? "files" : "a file"} here</span>
       </span>
       <input
@@ -171,6 +178,16 @@ function FileField({ verb, name, property, required }: Omit<FieldProps, "error">
         hidden
         aria-label={`${label} from this computer`}
         onChange={(event) => void add(event.currentTarget.files)}
+      />
+      <input
+        ref={(element) => {
+          folder.current = element;
+          if (element) element.webkitdirectory = true;
+        }}
+        type="file"
+        hidden
+        aria-label={`${label} from a folder of this computer`}
+        onChange={(event) => void chosenFolder(event.currentTarget.files ?? []).then(add)}
       />
     </div>
   );

@@ -3,7 +3,7 @@ import { computed, signal } from "@preact/signals";
 import { link, on } from "../bus";
 import { RefusedError } from "../link";
 import type { Added, FileEntry, JobState, Received, RemedyOption, VerbEntry } from "../protocol";
-import { complain, go, jobs, place, scans } from "../state";
+import { complain, go, jobs, notify, place, scans } from "../state";
 import { chosen, type Schema, startValues, troubles, type Values, withFile } from "./schema";
 import { put, type Sent } from "./upload";
 
@@ -158,7 +158,9 @@ export async function send(list: Iterable<File>): Promise<string[]> {
     }
     found.push(...last.files);
   } catch (error) {
-    complain(error);
+    if (error instanceof TypeError)
+      notify("error", "The file could not be read or sent.", "Check whether it is still there, and send it again.");
+    else complain(error);
   } finally {
     sending.value = null;
   }

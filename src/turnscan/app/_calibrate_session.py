@@ -172,7 +172,8 @@ class CalibrateRoom:
         if refusal is None and done.rig.lacking:
             text = f"{' and '.join(done.rig.lacking)} of this rig is not calibrated yet"
             hint = "take the pictures that are missing, then calibrate again"
-        self._judge(done.verdict, text, hint, written, file, remarks(done.findings))
+        found = remarks(done.findings, self._hub.hide)
+        self._judge(done.verdict, text, hint, written, file, found)
         said = f"{path.name}: {text}" if written else f"not kept: {text}"
         files = [p.ResultFile(file=file, name=page.name, scan=False)]
         return Result(said, findings=done.findings, files=files)

@@ -104,6 +104,9 @@ class Files:
             if target.exists():
                 raise InputError(f"{name}: sent already", hint="leave it out, or rename it")
             await self._library.receive(target, body, length)
+            if not target.stat().st_size:
+                target.unlink()
+                raise InputError(f"{name}: an empty file", hint="look at it, then send it again")
             if target.suffix.lower() == ".zip":
                 place = folder / (target.stem or "archive")
                 await asyncio.to_thread(_unpacked, target, place)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from turnscan import workflows as w
@@ -22,8 +23,8 @@ _INPUTS = {f.name: f for f in w.VERBS["import"].inputs}
 class ImportRoom:
     """Looks at pictures. Its methods may be called from any thread; one looks at a time."""
 
-    def __init__(self, files: Files) -> None:
-        self._files = files
+    def __init__(self, files: Files, hide: Callable[[str], str]) -> None:
+        self._files, self._hide = files, hide
         self._lock = threading.Lock()
         self._last: tuple[str, w.ImportPreview] | None = None
         """What was looked at last, so that another picture of it is shown at once."""
@@ -44,7 +45,7 @@ class ImportRoom:
             id=request.id,
             series=[_seen(s) for s in looked.series],
             weights=None if looked.weights is None else list(looked.weights),
-            findings=remarks(looked.findings),
+            findings=remarks(looked.findings, self._hide),
             laser=series.series.laser,
             picture=number,
             step=shown.step,

@@ -139,7 +139,7 @@ class Job:
                 else max(left, 0.0), text=result.text, hint=hint, options=list(options),
                 download=result.download, files=list(result.files),
                 tables=list(result.tables),
-                findings=remarks(result.findings),
+                findings=remarks(result.findings, self._hub.hide),
             )
         )  # fmt: skip
 
@@ -276,15 +276,15 @@ def _option_in_words(option: Option) -> str:
     return f"“{name}”" if option.value is None else f"“{name} {option.value_text}”"
 
 
-def remarks(findings: Sequence[Finding]) -> list[Remark]:
-    """Findings in the words of the browser."""
+def remarks(findings: Sequence[Finding], hide: Callable[[str], str]) -> list[Remark]:
+    """Findings in the words of the browser; ``hide`` takes paths of this computer out of them."""
     return [
         Remark(
             code=f.code,
             severity=f.severity,
-            text=f.message,
-            where=f.where,
-            remedy=in_words(f.remedy),
+            text=hide(f.message),
+            where=hide(f.where),
+            remedy=hide(in_words(f.remedy)),
             options=_options(_named(f.remedy)),
         )
         for f in findings

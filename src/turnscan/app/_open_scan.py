@@ -112,7 +112,7 @@ class OpenScan:
             cursor=state.document.history.cursor,
             branches=self._branches(state),
             scanned_picture=self._picture(self.session.picture_as_scanned()),
-            findings=remarks(self.findings),
+            findings=remarks(self.findings, self._hub.hide),
             measures=_measures(state),
             settings=self._settings(state),
             fields=option_schemas(ReconstructOptions),
@@ -161,7 +161,7 @@ class OpenScan:
         listed = []
         for one in found:
             if isinstance(one, PlacedFinding):
-                remark, place = remarks([one.finding])[0], None
+                remark, place = remarks([one.finding], self._hub.hide)[0], None
                 grid, step = one.grid, one.step
             else:
                 remark = p.Remark(
@@ -292,7 +292,9 @@ class OpenScan:
             p95=d.quantile(0.95),
             worst=d.quantile(1.0),
             alignment=found.placement.text,
-            findings=remarks([f for f in found.findings if f.code.startswith("compare.")]),
+            findings=remarks(
+                [f for f in found.findings if f.code.startswith("compare.")], self._hub.hide
+            ),
             features=[
                 p.FeatureShown(
                     number=f.number, nominal=f.nominal, points=f.points, mean=f.mean, rms=f.rms
@@ -312,7 +314,8 @@ class OpenScan:
         _, trial = self.session.try_settings(r.options, r.grid, r.step, job.check)
         answer = p.SettingsTried(
             id=r.id, scan=self.name, laser=trial.laser,
-            steps=[one.step for one in trial.profiles], findings=remarks(trial.findings),
+            steps=[one.step for one in trial.profiles],
+            findings=remarks(trial.findings, self._hub.hide),
         )  # fmt: skip
         return answer, encoded_parts(trial.arrays)
 
@@ -351,7 +354,7 @@ class OpenScan:
                 head=list(table.head),
                 rows=[[str(cell) for cell in row] for row in table.rows],
             ),
-            findings=remarks(shown.found.findings),
+            findings=remarks(shown.found.findings, self._hub.hide),
         )
         return answer, encoded({"shape": shown.label})
 
@@ -438,7 +441,7 @@ class OpenScan:
                 scan=self.name,
                 settings=self._settings(state),
                 grids=_grid_entries(state),
-                findings=remarks(self.findings),
+                findings=remarks(self.findings, self._hub.hide),
             )
         )
 

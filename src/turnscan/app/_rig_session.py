@@ -97,7 +97,7 @@ class RigRoom:
         text = "the same, with a hand-held board for calibration"
         address = f"{DEFAULT_DEVICE}&hand=charuco"
         found.append(p.FoundDevice(address=address, text=text, role="board"))
-        return p.Found(id=id, devices=found, notes=remarks(seen.findings))
+        return p.Found(id=id, devices=found, notes=remarks(seen.findings, self._hub.hide))
 
     def connect(self, camera: str, turntable: str, lasers: str) -> None:
         """Open devices; those connected before are let go. Raises InputError, DeviceError."""

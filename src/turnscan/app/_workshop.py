@@ -86,7 +86,7 @@ class Workshop:
         self.downloads = Downloads()
         self.files = Files(library)
         self.uploads = Uploads(self.files.incoming, library.check_upload)
-        self.importing = ImportRoom(self.files)
+        self.importing = ImportRoom(self.files, library.hide)
         self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
         self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self.tell_scans)
         self.calibration = CalibrateRoom(self.hub, self.jobs, library, self.rig)
@@ -613,7 +613,7 @@ class Workshop:
             wanted = EditChanges(source, only=r.edits, by_shape=r.by_shape, check=True)
             kept = edits(target, wanted, progress=job.progress)
         self.tell_scans()
-        return p.Done(id=call.id, findings=remarks(kept.findings))
+        return p.Done(id=call.id, findings=remarks(kept.findings, self.hub.hide))
 
     def _list_holes(self, call: Call) -> Answer:
         return self.opened(call.request.scan).holes(call.id, call.request.first)

@@ -43,7 +43,9 @@ def gone(path: Path) -> InputError:
 
 
 def full(path: Path) -> StorageFull:
-    return StorageFull(f"{path}: the disk is full", hint="free some space, then resume")
+    return StorageFull(
+        f"{path}: the disk is full", hint="free some space, then try again, or resume the scan"
+    )
 
 
 def _code(e: sqlite3.Error) -> str:

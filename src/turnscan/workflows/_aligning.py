@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from turnscan.shapes import deviation
 from turnscan.shapes.primitives import Shape
 from turnscan.workflows._compare_options import Way
 from turnscan.workflows._nominal import Nominal
-from turnscan.workflows._units import UNITS
+from turnscan.workflows._units import STEP_SUFFIXES, UNITS
 
 _SAMPLES = 40_000
 """On the reference, for alignment."""
@@ -70,7 +71,11 @@ def _as_they_are(mesh: Mesh, reference: Nominal) -> Placement:
     size = float(np.linalg.norm(np.ptp(reference.mesh.vertices, axis=0)))
     found: tuple[Finding, ...] = ()
     rms = off.covered().rms
-    if not rms <= _FAR * size:
+    unit = _other_unit(mesh, reference)
+    if unit is not None:
+        remedy = Remedy("if so, say ", unit)
+        found = (Finding("compare.unit", "warning", _unlike(reference, unit), remedy=remedy),)
+    elif not rms <= _FAR * size:
         text = f"the surfaces lie {off.rms:.3g} mm (rms) apart: they may not be in one frame"
         remedy = Remedy("bring them together by ", Option("align", "shape"))
         found = (Finding("compare.frames", "warning", text, remedy=remedy),)
@@ -93,12 +98,8 @@ def _by_shape(mesh: Mesh, name: str, reference: Nominal) -> Placement:
     spacing = float(np.median(np.sqrt(area[area > 0]))) if (area > 0).any() else 1.0
     sigma = _sigma(mesh)
     measured = plain_view(name, mesh.vertices, smoothed_normals(mesh), spacing, sigma)
-    try:
-        found = onto(reference_view(reference.mesh, reference.name), measured)
-    except InputError as e:
-        hint = _other_unit(mesh, reference.mesh) or e.hint
-        raise InputError(e.message, hint=hint) from None
-    return _told(found, mesh)
+    _check_unit(mesh, reference)
+    return _told(onto(reference_view(reference.mesh, reference.name), measured), mesh)
 
 
 def _sigma(mesh: Mesh) -> Floats:
@@ -116,14 +117,29 @@ def _size(mesh: Mesh) -> float:
     return float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
 
 
-def _other_unit(measured: Mesh, reference: Mesh) -> Remedy | None:
-    """What to try where the sizes are as far apart as two units."""
-    spread = [sample_surface(m, _FEW)[0].std(axis=0) for m in (measured, reference)]
+def _check_unit(measured: Mesh, reference: Nominal) -> None:
+    """Raises InputError, which proposes the unit, where sizes are as far apart as two units: such
+    a reference need not be tried, for a part has no place on what is so much smaller."""
+    unit = _other_unit(measured, reference)
+    if unit is not None:
+        raise InputError(_unlike(reference, unit), hint=Remedy("if so, say ", unit))
+
+
+def _unlike(reference: Nominal, unit: Option) -> str:
+    name = Path(reference.name).name
+    return f"{name} is too small for the part: it may be drawn in another unit ({unit.value_text})"
+
+
+def _other_unit(measured: Mesh, reference: Nominal) -> Option | None:
+    """The unit in which a reference has the size of the part; None where it may be in mm, and for
+    STEP, which says its unit."""
+    if Path(reference.name).suffix.lower() in STEP_SUFFIXES:
+        return None
+    spread = [sample_surface(m, _FEW)[0].std(axis=0) for m in (measured, reference.mesh)]
     ratio = float(np.linalg.norm(spread[0]) / max(float(np.linalg.norm(spread[1])), 1e-300))
     for unit, scale in UNITS.items():
         if unit != "mm" and abs(np.log(ratio / scale)) < np.log(_UNLIKE):
-            return Remedy("the reference may be drawn in another unit: ",
-                          Option("reference_unit", unit))  # fmt: skip
+            return Option("reference_unit", unit)
     return None
 
 

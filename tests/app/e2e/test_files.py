@@ -71,6 +71,25 @@ def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, picture, folde
     expect(page).to_have_url(re.compile("#repair/"))
 
 
+def test_a_folder_of_pictures_is_sent_with_its_folders(new_page, tmp_path: Path) -> None:
+    for name, data in _turn().items():
+        for laser in ("left", "right"):
+            path = tmp_path / "two lasers" / laser / Path(name).name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+    (tmp_path / "two lasers" / ".hidden").write_text("of a file manager")
+    page = new_page()
+    run_command(page, "import pictures", "Import pictures")
+    form = page.get_by_role("form", name="Import pictures")
+    form.get_by_label("Pictures from a folder").set_input_files(tmp_path / "two lasers")
+    for laser in ("left", "right"):
+        row = form.get_by_role("group", name="Pictures", exact=True).get_by_label(
+            f"two lasers/{laser} ({STEPS} pictures)"
+        )
+        expect(row).to_be_checked(timeout=LONG)
+    expect(form.get_by_role("combobox", name="Laser")).to_have_value("left", timeout=LONG)
+
+
 def test_two_meshes_are_compared_and_the_picture_downloaded(
     new_page, picture, folder: Path, tmp_path: Path
 ) -> None:

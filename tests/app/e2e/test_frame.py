@@ -116,6 +116,58 @@ def test_one_browser_invites_another(new_page, browser):
     context.close()
 
 
+def test_a_page_that_is_left_is_the_operator_no_more(new_page):
+    """Browsers keep a page that was left, and its socket, for whoever goes back."""
+    left = new_page()
+    left.get_by_text("operator").wait_for()
+    other = new_page()
+    other.get_by_text("watching").wait_for()
+    left.evaluate("dispatchEvent(new PageTransitionEvent('pagehide', { persisted: true }))")
+    until(left, "turnscan.connection === 'lost'")
+    until(left, "turnscan.connection === 'open'")  # as for who goes back
+
+
+PRESSABLE = """
+() => [...document.querySelectorAll("main button, main summary")]
+  .filter((e) => e.checkVisibility())
+  .map((e) => e.getAttribute("aria-label")
+    ?? (e.localName === "summary" ? e.firstChild : e).textContent.replace(/\\s+/g, " ").trim())
+  .filter((name) => name)
+"""
+"""The names of all that can be pressed in a room."""
+
+
+def test_everything_that_can_be_pressed_is_in_the_list_of_commands(open_cup):
+    page = open_cup()
+    box = page.get_by_role("combobox", name="Search the commands")
+    rooms = ("Setup", "Scan", "Inspect", "Export", "Edit")
+    tabs = ("Point", "Holes", "History", "Settings", "Repair")
+    lacking = []
+    for room, tab in [*((room, "") for room in rooms), *(("Edit", tab) for tab in tabs)]:
+        page.get_by_role("button", name=room, exact=True).click()
+        if tab:
+            page.get_by_role("tab", name=tab).click()
+        settled(page)
+        wanted = page.evaluate(PRESSABLE)
+        page.keyboard.press("Control+k")
+        listed = page.get_by_role("listbox", name="Commands").get_by_role("option")
+        names = set(listed.locator("span").all_inner_texts())
+        page.keyboard.press("Escape")
+        box.wait_for(state="detached")
+        lacking += [
+            f"{room} {tab}: {name}"
+            for name in wanted
+            if not names & {name, f"{name} …", f"Export as {name.split(' ')[0]}"}
+        ]
+    assert lacking == []
+    # From another room a command leads there, and does it.
+    run_command(page, "compare two", "Compare two settings")
+    page.get_by_role("tab", name="Settings", selected=True).wait_for()
+    page.get_by_role("button", name="Export", exact=True).click()
+    run_command(page, "search again", "Search again")
+    page.get_by_role("region", name="Camera").wait_for()
+
+
 UNDER = """
 () => {
   const log = document.querySelector("[role=log]");

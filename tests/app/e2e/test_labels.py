@@ -36,8 +36,9 @@ CUT = """
     if (e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1) return true;
     for (let up = e.parentElement; up; up = up.parentElement) {
       if (getComputedStyle(up).overflowX === "visible") continue;
-      const room = up.getBoundingClientRect();
-      if (box.right > room.right + 1 || box.left < room.left - 1) return true;
+      const left = up.getBoundingClientRect().left + up.clientLeft;
+      // What lies under a scroll bar is not seen either.
+      if (box.right > left + up.clientWidth + 1 || box.left < left - 1) return true;
     }
     return false;
   })
