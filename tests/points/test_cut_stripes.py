@@ -96,6 +96,62 @@ def test_the_tail_of_a_stripe_that_passes_by_is_flagged_for_what_it_is() -> None
     assert not edge[np.arange(STEPS) != 19].any()
 
 
+def thrown(width: float, light: float, lines: slice = slice(None)):
+    """In the lines of step 20 nothing but light that a neighbour throws there: a place of its own,
+    so much wider and fainter than the stripe."""
+
+    def change(stripes):
+        out, k = list(stripes), np.arange(len(stripes[20].position))[lines]
+        s = out[20]
+        values = {"position": s.position + 1.0, "width": width * s.width}
+        values["amplitude"] = light * s.amplitude
+        for name, new in values.items():
+            old = getattr(s, name).copy()
+            old[k] = new[k]
+            s = replace(s, **{name: old})
+        out[20] = s
+        return out
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("width", "light", "lines", "gone"),
+    [
+        (6.0, 0.05, slice(None), True),
+        (6.0, 0.05, slice(90, 130), True),
+        (1.0, 0.05, slice(None), False),  # a dark surface
+        (6.0, 0.3, slice(None), False),  # all of the stripe's light, drawn out where it grazes
+    ],
+)
+def test_light_that_a_neighbour_throws_into_a_gap_is_no_point(width, light, lines, gone) -> None:
+    shape = cylinder(20.0, 0.0, 60.0)
+    plain, grid = grid_of(shape), grid_of(shape, change=thrown(width, light, lines))
+    thrown_there = np.zeros_like(plain.found)
+    thrown_there[20, lines] = plain.found[20, lines]
+    assert thrown_there.sum() > 30
+    assert grid.found[thrown_there].any() == (not gone)
+    assert grid.found[plain.found & ~thrown_there].all()
+    if gone:
+        assert ((grid.flags[thrown_there] & StripeFlag.DARK) != 0).all()
+        assert np.isnan(grid.sigma[thrown_there]).all()
+
+
+def test_few_wide_stripes_among_dim_ones_are_chance() -> None:
+    """A dim profile in which every third line is wide: it stays as it is found."""
+
+    def change(stripes):
+        dim = thrown(1.0, 0.05)(stripes)
+        wide = thrown(6.0, 0.05)(stripes)[20]
+        third = np.arange(len(wide.position)) % 3 == 0
+        width = np.where(third, wide.width, dim[20].width)
+        dim[20] = replace(dim[20], position=stripes[20].position, width=width)
+        return dim
+
+    shape = cylinder(20.0, 0.0, 60.0)
+    assert grid_of(shape, change=change).found.sum() == grid_of(shape).found.sum()
+
+
 def test_stripes_that_narrow_towards_the_end_of_every_profile_are_doubted_by_the_whole_ones() -> (
     None
 ):

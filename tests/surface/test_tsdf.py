@@ -153,3 +153,18 @@ def test_two_surfaces_share_what_goes_beyond_noise() -> None:
     doubtful = usual(parts, 9.0, 11.0) / usual(parts[:1], 9.0, 11.0)
     assert plain == pytest.approx(np.sqrt(0.5), rel=0.02)
     assert doubtful > 0.9
+
+
+@pytest.mark.parametrize("worse", [5.0, 30.0, 100.0])
+def test_what_is_known_far_worse_than_usual_says_so_when_it_is_merged(worse: float) -> None:
+    """No point counts for less than a tenth of sigma's inverse, but each keeps its own sigma."""
+    part = sheet(0.0, 24.0, (0.0, 0.0, 1.0), "one")
+    assert part.mesh.provenance is not None
+    doubted = part.mesh.vertices[:, 0] > 18.0
+    known = replace(part.mesh.provenance, sigma=np.where(doubted, worse * 0.02, 0.02))
+    done = fuse([replace(part, mesh=replace(part.mesh, provenance=known))], VOXEL, RAMP)
+    assert done.provenance is not None
+    x, sigma = done.vertices[:, 0], done.provenance.sigma
+    plain, bad = (np.median(sigma[(x > a) & (x < b)]) for a, b in ((4, 16), (20, 23)))
+    assert plain <= 0.02
+    assert bad == pytest.approx(worse * 0.02, rel=0.1)

@@ -14,6 +14,7 @@ from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid, lines_about
 from turnscan.points._scatter import pooled_sigma
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
+from turnscan.points._volume import without
 from turnscan.points._wholeness import LitPoints, wholeness
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rotation_z
@@ -180,12 +181,20 @@ def _judged(
     (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
     seen = _lit_points(grid, rig, width, vertical)
     light = wholeness(seen)
+    # A centre that was refined by its own surface element does not depend on the stripe's width.
+    single = (grid.flags & StripeFlag.REFINED) == 0
+    glow = light.glow & single
+    if glow.any():
+        # What was taken for a surface there misled the judgement of all about it.
+        grid = without(grid, glow, StripeFlag.DARK)
+        if not grid.found.any():
+            return grid
+        seen = _lit_points(grid, rig, width, vertical)
+        light = wholeness(seen)
     # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
     thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
     bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
     bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
-    # A centre that was refined by its own surface element does not depend on the stripe's width.
-    single = (grid.flags & StripeFlag.REFINED) == 0
     points, sigma = np.empty_like(grid.points), np.empty_like(grid.sigma)
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
 

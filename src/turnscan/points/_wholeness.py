@@ -62,6 +62,10 @@ _CREASE = 0.4
 difference of the widths that it has on either: 1/√(2π)."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
+_GLOW_WIDTH, _GLOW_LIGHT, _GLOW_FLUX = 3.0, 0.35, 0.5
+"""Light of other surfaces, without a stripe in it, is so many times as wide as a stripe is due
+there, and its brightness and all of its light are such parts of the usual stripe's at most. The
+first two are those by which a picture drops it beside stripes (`stripes._choice.drop_glow`)."""
 _ABOUT, _FAR_ABOUT = 12.0, 40.0
 """Thicknesses of the sheet to either side in which the usual width of a profile is that of whole
 stripes: most veils are shorter than the first; in a pocket a whole stretch of a profile is one …"""
@@ -114,6 +118,8 @@ class Wholeness:
     """(s, n) px: standard uncertainty of the centre because of what cuts or bends the stripe."""
     tail: Bools
     """(s, n) True where the sheet's middle passes beside the surface: its tail alone is seen."""
+    glow: Bools
+    """(s, n) True where no stripe is seen, but light that other surfaces throw there."""
     slide: Floats
     """(s, n) the share of a turn's movement that leads off the surface, 0 to 1; 1 where it is not
     known how the surface lies."""
@@ -162,6 +168,8 @@ def _lying(
     flat = np.stack([_steady(w) for w in flat])
     creased = _creased(width, walk, thickness, arcs, lambda far: _apart(light, arcs, due_on, far))
     fine = _fineness(arcs, thickness)
+    dim = _dim(width, bright, found)
+    glow = np.zeros_like(found)
     shift, doubt = np.empty(width.shape), np.empty(width.shape)
     tail = np.empty(width.shape, dtype=np.bool_)
     size = len(width)
@@ -179,11 +187,37 @@ def _lying(
             fine[rows],
             beyond,
         )
-        own = _judged(some, due_on, creased if creased is None else creased[rows])
+        *own, ratio = _judged(some, due_on, creased if creased is None else creased[rows])
         shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
+        with np.errstate(invalid="ignore"):
+            glow[a:b] = dim[a:b] & (np.fmin(*ratio)[1:-1] > _GLOW_WIDTH)
 
     in_parts(part, size, -(-size // _TOGETHER))
-    return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0), thickness
+    glow = _runs_of(glow, dim)
+    return Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0), thickness
+
+
+def _runs_of(glow: Bools, dim: Bools) -> Bools:
+    """(s, n) True for the runs of ``dim`` points along profiles most of which ``glow``.
+
+    Where little of such light is left it is narrow, too; and a few wide stripes among many that are
+    dim are chance, on a surface that light grazes.
+    """
+    start = dim & ~np.pad(dim, ((0, 0), (1, 0)))[:, :-1]
+    run = np.where(dim, np.cumsum(start.ravel()).reshape(dim.shape), 0)
+    most = 2 * np.bincount(run[glow & dim], minlength=int(run.max()) + 1) > np.bincount(run.ravel())
+    return np.asarray(dim & most[run])
+
+
+def _dim(width: Floats, light: Floats, found: Bools) -> Bools:
+    """(s, n) True where there is much less light than usual, at its peak and in all."""
+    some = found & (width > 0)
+    if not some.any():
+        return np.zeros_like(found)
+    whole = width * light
+    with np.errstate(invalid="ignore"):
+        faint = light < _GLOW_LIGHT * float(np.median(light[some]))
+        return np.asarray(faint & (whole < _GLOW_FLUX * float(np.median(whole[some]))))
 
 
 class _Band(NamedTuple):
@@ -204,8 +238,9 @@ class _Band(NamedTuple):
 
 def _judged(
     some: _Band, due_on: Callable[[Floats], Floats], creased: Floats | None
-) -> tuple[Floats, Floats, Bools]:
-    """Shift, doubt and tail, as `Wholeness` has them, of a band; not of its first and last step."""
+) -> tuple[Floats, Floats, Bools, Floats]:
+    """Shift, doubt and tail, as `Wholeness` has them, of a band, and (2, s, n) which part of its
+    due each width is; not of its first and last step."""
     width, walk = some.width, some.walk
     due = due_on(walk)
     curved = _round(walk)
@@ -237,7 +272,7 @@ def _judged(
     doubt = np.where(cut, _MODEL * np.abs(off), doubt)
     shift = np.where(known, off, 0.0)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
-    return shift, doubt, border & faint
+    return shift, doubt, border & faint, ratio
 
 
 def _fineness(arcs: Floats, thickness: float) -> Floats:

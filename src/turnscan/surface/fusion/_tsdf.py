@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _GRAZING = float(np.cos(np.deg2rad(75.0)))
 """Cosine of incidence below which a face says nothing about where the surface lies."""
+_MOST_SIGMA = 10.0
+"""Usual sigma: a point that is known worse counts as if it had this."""
 _BLOCKS = 400_000_000
 """Blocks of the whole box that are looked up at most (4 bytes each)."""
 _POOL = 2_000_000
@@ -223,7 +225,16 @@ def _filled(
 def _limited(sigma: Floats, usual: float) -> Floats:
     """Sigma, limited to a tenth and ten times the usual one: no point decides alone, and each
     counts for something."""
-    return np.asarray(np.clip(sigma, 0.1 * usual, 10.0 * usual))
+    return np.asarray(np.clip(sigma, 0.1 * usual, _MOST_SIGMA * usual))
+
+
+def _unlimited(sigma: Floats, parts: Sequence[RangeSurface], origins: Longs) -> Floats:
+    """The ``sigma`` (v,) of merged vertices where the points of their ``origins`` are known worse
+    than `_limited` lets them count: as many times larger."""
+    every = np.concatenate([s.sigma for s in parts])
+    most = _MOST_SIGMA * (float(np.median(every)) or 1.0)
+    times = np.maximum(every / most, 1.0)[np.maximum(origins, 0)]
+    return np.asarray(np.where(origins < 0, sigma, sigma * times))
 
 
 def _border_weights(s: RangeSurface, usual: float) -> Floats:
@@ -244,4 +255,5 @@ def _provenance(parts: Sequence[RangeSurface], origins: Longs, sigma: Floats) ->
         np.where(none, -1, k[origins]) for k in (whole.laser, whole.step, whole.line)
     )
     known = ~none & ~np.isnan(whole.sigma[origins])
+    sigma = _unlimited(sigma, parts, origins)
     return Provenance(np.where(known, sigma, np.nan), laser, step, line, whole.lasers)
