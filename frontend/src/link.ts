@@ -100,7 +100,7 @@ export class Link {
           new RefusedError(
             "too-large",
             `The request is too large: ${(bytes / 2 ** 20).toFixed(1)} MB, the limit is ${MOST_BYTES / 2 ** 20} MB.`,
-            "Select fewer faces, or decimate first.",
+            "Select fewer triangles, or decimate first.",
           ),
         );
         return;

@@ -74,7 +74,9 @@ export interface BranchEntry {
 
 /**
  * A calibration in the making, each time a picture has been looked at. Array ``marked`` f32
- * (n, 3): every corner of the board that was seen, u and v px, and the number of its view.
+ * (n, 3): every corner of the board that was seen, u and v px, and the number of its view. Array
+ * ``placed`` f32 (n, 4): where the corners were in the last adjustment, x, y, z mm in the frame
+ * of the camera, and the number of the view.
  */
 export interface Calibration {
   kind: "calibration";
@@ -98,6 +100,13 @@ export interface Calibration {
   /** The same in words; empty before it is known. */
   advice: string;
   verdict: CalibrationVerdict | null;
+  /** Half of the picture's width and height at a distance of one; empty before an adjustment. */
+  reach: number[];
+  /**
+   * Of rotation, in the frame of the camera: the table's middle, mm, and a direction; empty
+   * before it is known.
+   */
+  axis: number[];
 }
 
 /** What a calibration came to. */

@@ -27,12 +27,13 @@ async function open(page: Page, scan: string): Promise<void> {
 it("starts anew with another scan, and goes on with the same one", async () => {
   const page = await openPage({ hash: "#repair/cup" });
   const repair = await import("../src/repair/state");
-  const { tool } = await import("../src/viewport/place");
+  const { colouring, tool } = await import("../src/viewport/place");
   repair.startRepair();
   await page.connect();
   await open(page, "cup");
   const fresh = [tool.value, repair.tab.value, repair.pictureTool.value, repair.gridShown.value];
   tool.value = "lasso";
+  colouring.value = "shapes";
   repair.tab.value = "history";
   repair.gridShown.value = 1;
   repair.large.value = "picture";
@@ -43,6 +44,7 @@ it("starts anew with another scan, and goes on with the same one", async () => {
   await page.walk("#repair/vase");
   await open(page, "vase");
   expect([tool.value, repair.tab.value, repair.pictureTool.value, repair.gridShown.value]).toEqual(fresh);
+  expect(colouring.value).toBe("plain");
   expect(repair.large.value).toBeNull();
   expect(page.part.mark.value).toBeNull();
   expect(page.part.profile.value).toBeNull();

@@ -147,7 +147,7 @@ def test_replayed_on_another_scan_the_edits_give_a_watertight_cup(
     assert same.faces.tobytes() == mesh.faces.tobytes()
     # And once they are added to the scan, it needs no word about them.
     part = Path(shutil.copy(other, tmp_path / "part.turnscan"))
-    assert "close all gaps" in run("edits", part, "--add", first, "--only", 5)
+    assert "make watertight" in run("edits", part, "--add", first, "--only", 5)
     assert len(run("edits", part, "--add", first, "--only", 1, "--only", 2).splitlines()) == 3
     run("edits", other, "--add", tmp_path / "cup.json")
     assert mesh_of(other)[0].vertices.tobytes() == mesh.vertices.tobytes()
@@ -160,14 +160,14 @@ def test_the_list_tells_what_was_done_and_the_file_embeds_it(repaired: Path) -> 
         "detect steps 10–11, lines 0–2000 of right again (centroid)",
         lines[2].split("  ")[-1].strip(),
         lines[3].split("  ")[-1].strip(),
-        "close all gaps",
+        "make watertight",
     ]
     assert "delete" in lines[2]
     assert "fill a hole of" in lines[3]
     report = repaired.with_suffix(".json")
     mesh_of(repaired, "--report", report)
     progress = json.loads(report.read_text())
-    assert progress["edits"][4] == "5: close all gaps"
+    assert progress["edits"][4] == "5: make watertight"
     assert len(progress["edits_sha256"]) == 64
     assert "5 edits" in run("check", repaired)
     run("edits", repaired, "--undo")
@@ -187,7 +187,7 @@ def test_edits_have_names_any_is_gone_to_and_those_that_do_not_fit_are_named(
     lines = run("edits", repaired, "--make", '{"kind": "measure_volume"}').splitlines()
     assert [line.split()[0] for line in lines] == ["1", "2", "6", "branch", "3", "4", "5"]
     assert lines[3] == "branch after edit 2"
-    assert "tight: close all gaps" in lines[6]
+    assert "tight: make watertight" in lines[6]
     shown = run("edits", repaired, "--to", 5).splitlines()
     assert [line.split()[0] for line in shown] == ["1", "2", "3", "4", "5", "branch", "6"]
     # A hole that the other scan has nowhere is named; the edit is added all the same.
@@ -229,7 +229,7 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
         lines = run("edits", repaired, *asked).splitlines()
         words = list(takewhile(lambda line: not line.startswith("branch"), lines))[-1]
         run("edits", repaired, "--undo")
-        return int(words.split("delete ")[1].split(" faces")[0])
+        return int(words.split("delete ")[1].split(" triangles")[0])
 
     run("edits", repaired, "--undo")
     whole = deleted("--delete", "laser=right")

@@ -94,7 +94,8 @@ def test_a_calibration_becomes_the_rig_in_use(server: Running, folder: Path) -> 
         )
         live = room._live
         assert live is not None
-        for k, pose in enumerate(world.board_poses(10)):
+        held = world.board_poses(10)
+        for k, pose in enumerate(held):
             live._camera[k] = world.board_view(pose, name=f"c{k}")
         for k, pose in enumerate(world.board_poses(8)):
             view = world.board_view(pose, name=f"l{k}")
@@ -116,6 +117,15 @@ def test_a_calibration_becomes_the_rig_in_use(server: Running, folder: Path) -> 
         found = re.search(r"camera (\d\.\d+) px rms", done["text"])
         assert found
         assert 0.07 < float(found[1]) < 0.13  # the noise that was put in is 0.1 px
+        space = one.once("calibration", lambda m: len(m["reach"]) == 2)
+        x, y, z, view = space["arrays"]["placed"].T
+        assert set(view) == {*range(10), *range(100, 108)}
+        for k, pose in enumerate(held):
+            at = np.stack([x, y, z], -1)[view == k]
+            off = np.linalg.norm(at - pose.apply(live._camera[k].points), axis=1)
+            assert off.max() < 0.01 * z[view == k].max()
+        assert np.linalg.norm(np.array(space["axis"][:3]) - T.translation) < 10
+        assert np.array(space["axis"][3:]) @ T.rotation[:, 2] > 0.999
         unused = [f for f in done["findings"] if f["code"] == "calibrate.not-used"]
         assert [(f["where"], f["text"]) for f in unused] == [("camera: bad", "covered")]
         file = next(folder.glob("*.json"))

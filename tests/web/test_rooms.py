@@ -366,7 +366,7 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
             number = one.send("edit", chosen, **asked)
             job = one.until("job", lambda m: m["what"] == "edit")
             assert (job["state"], job["scan"]) == ("running", scan)
-            assert job["title"] == "delete 50 faces"
+            assert job["title"] == "delete 50 triangles"
             assert (job["done"], job["total"]) == (250, 1000)
             return number, job["job"]
 

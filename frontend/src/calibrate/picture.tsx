@@ -6,6 +6,7 @@ import { LiveView, type ShownPicture } from "../scanner/picture";
 import { devices, theme } from "../state";
 import { Button } from "../ui/controls";
 import type { Box } from "../ui/plane";
+import { SpacePane } from "./space";
 import { again, type Progress, poorest, progress, step } from "./state";
 
 /** Corners in a cell from which it counts as full. */
@@ -96,6 +97,7 @@ export function BoardPane() {
         <canvas ref={canvas} aria-label="Picture with the corners of the board, and what was covered" role="img" />
         {!shown && !progress.value && <div class="empty">Pictures of the board appear here.</div>}
       </div>
+      <SpacePane />
       {progress.value && progress.value.header.width > 1 && (
         <div class="key">
           <span>

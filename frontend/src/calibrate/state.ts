@@ -39,6 +39,8 @@ export interface Progress {
   header: Calibration;
   /** u and v px of every corner seen, and the number of its view: three numbers each. */
   marked: Float32Array;
+  /** x, y and z mm of every corner before the camera, and the number of its view: four numbers each. */
+  placed: Float32Array;
 }
 
 export const progress = signal<Progress | null>(null);
@@ -49,7 +51,7 @@ export const histories = signal<readonly VerificationRuns[]>([]);
 /** Follow how far the calibration is: once. */
 export function startCalibration(): void {
   on("calibration", (header, arrays) => {
-    progress.value = { header, marked: arrays.f32("marked") };
+    progress.value = { header, marked: arrays.f32("marked"), placed: arrays.f32("placed") };
     if (again.value && !header.views.some(({ view }) => view === again.value?.view)) again.value = null;
   });
   on("frame", () => (again.value = null));

@@ -83,7 +83,7 @@ export const commands: readonly Command[] = [
   { title: "Smaller brush", group: "Tools", keys: "[", run: () => resizeBrush(1 / 1.25) },
   { title: "Larger brush", group: "Tools", keys: "]", run: () => resizeBrush(1.25) },
   {
-    title: "Visible faces only, or through the part",
+    title: "Visible surface only, or through the part",
     group: "Selection",
     keys: "N",
     run: () => (visibleOnly.value = !visibleOnly.value),

@@ -53,7 +53,7 @@ export function SelectionPanel() {
         </Button>
       </div>
       <Check
-        label="Visible faces only"
+        label="Visible surface only"
         keys="N"
         checked={visibleOnly.value}
         onChange={(on) => (visibleOnly.value = on)}

@@ -4,7 +4,7 @@ import type { GridColouring, Range } from "../grid/view";
 import { grids, lasers, loadGrid, type Mark, mark, mesh, onMesh, opened, type Preview } from "../part";
 import type { PictureTool } from "../profile/picture";
 import type { Hit } from "../viewport/pick";
-import { angleLimit, brushRadius, currentViewport, tool, visibleOnly } from "../viewport/place";
+import { angleLimit, brushRadius, colouring, currentViewport, tool, visibleOnly } from "../viewport/place";
 
 export type Tab = "repair" | "point" | "holes" | "history" | "settings";
 export const tab = signal<Tab>("repair");
@@ -49,6 +49,7 @@ export function startRepair(): void {
 function startAnew(): void {
   batch(() => {
     tool.value = "navigate";
+    colouring.value = "plain";
     pictureTool.value = "mark";
     tab.value = "repair";
     large.value = bridgeFrom.value = range.value = null;
@@ -121,7 +122,7 @@ export async function stepMark(steps: number, alongLines: number): Promise<void>
 }
 
 export const TOOL_HINTS = computed(() => {
-  const seen = visibleOnly.value ? "visible faces only" : "through the part";
+  const seen = visibleOnly.value ? "visible surface only" : "through the part";
   switch (tool.value) {
     case "navigate":
       return "Click: mark a point in all views · drag: turn · double click: turn about this point";
@@ -134,7 +135,7 @@ export const TOOL_HINTS = computed(() => {
     case "brush":
       return `Paint: ${seen} · Ctrl+wheel or [ ]: size ${brushRadius.value.toFixed(0)} px`;
     case "connected":
-      return "Click a piece: all connected faces";
+      return "Click a piece: all connected triangles";
     case "angle":
       return `Click a face: the region bounded by edges sharper than ${angleLimit.value}°`;
     case "smooth":

@@ -182,7 +182,7 @@ function KindPanel() {
       {now.places > 0 && (
         <p class="num" role="status">
           {places.value.length} of {now.places} points
-          {now.region !== "none" && ` · ${selected.value} faces selected`}
+          {now.region !== "none" && ` · ${selected.value} triangles selected`}
         </p>
       )}
       {now.places > 0 && marked() && (

@@ -66,7 +66,7 @@ function Rail() {
       <hr />
       <Button
         icon="eye"
-        label="Visible faces only"
+        label="Visible surface only"
         keys="N"
         pressed={visibleOnly.value}
         onClick={() => (visibleOnly.value = !visibleOnly.value)}

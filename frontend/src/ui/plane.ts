@@ -145,7 +145,8 @@ export abstract class PlaneView {
   private resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
     if (!clientWidth || !clientHeight) return;
-    const grown = Math.abs(clientWidth - this.width) > 0.25 * this.width;
+    const other = (now: number, before: number) => Math.abs(now - before) > 0.25 * before;
+    const grown = other(clientWidth, this.width) || other(clientHeight, this.height);
     this.width = clientWidth;
     this.height = clientHeight;
     this.canvas.width = Math.round(clientWidth * window.devicePixelRatio);

@@ -90,7 +90,7 @@ export function ResultSurface({ file, name, open }: Pick<ResultFile, "file" | "n
     <div class="pane result">
       <header>
         <h2>{name}</h2>
-        <span class="about">{read ? `${read.mesh.faceCount} faces` : "Loading …"}</span>
+        <span class="about">{read ? `${read.mesh.faceCount} triangles` : "Loading …"}</span>
         {options.length > 1 && (
           <SelectField bare label="Colours of the result" value={by} options={options} onChange={colour} />
         )}

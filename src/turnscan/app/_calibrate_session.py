@@ -208,7 +208,8 @@ class CalibrateRoom:
 def _told(
     state: CalibrationState, verdict: p.CalibrationVerdict | None
 ) -> tuple[p.Calibration, dict[str, Array]]:
-    advice = state.advice
+    advice, space = state.advice, state.space
+    axis = None if space is None else space.axis
     message = p.Calibration(
         board=state.board,
         views=[
@@ -234,8 +235,14 @@ def _told(
         advice_stage="" if advice is None else advice.stage,
         advice="" if advice is None else advice.text,
         verdict=verdict,
+        reach=[] if space is None else list(space.reach),
+        axis=[] if axis is None else [*axis[0].tolist(), *axis[1].tolist()],
     )
-    return message, {"marked": state.marked.astype(np.float32)}
+    placed = np.zeros((0, 4)) if space is None else space.corners
+    return message, {
+        "marked": state.marked.astype(np.float32),
+        "placed": placed.astype(np.float32),
+    }
 
 
 def verifications(number: int, path: Path) -> p.Verifications:

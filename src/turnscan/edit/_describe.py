@@ -94,37 +94,41 @@ def _of_grid(edit: GridEdit) -> str:
             how = [w for w in (level, edit.strategy, edit.choose) if w is not None]
             return f"detect {where} again" + (f" ({', '.join(how)})" if how else "")
         case CloseSeam():
-            return f"close the seam of laser {edit.laser}"
+            return f'join first and last profile (laser "{edit.laser}")'
+
+
+_WAYS = {"auto": "automatic", "membrane": "minimal surface"}
+"""Ways to fill in words; the others go by their own names."""
 
 
 def _of_mesh(edit: MeshEdit) -> str:
     match edit:
         case Delete():
-            return f"delete {edit.where.count} faces"
+            return f"delete {edit.where.count} triangles"
         case Fill():
             many = "all holes" if edit.holes is None else f"{len(edit.holes)} holes"
             if edit.holes is not None and len(edit.holes) == 1:
                 many = f"a hole of {edit.holes[0].size:.1f} mm"
             limit = "" if edit.largest is None else f" up to {edit.largest:g} mm"
-            return f"fill {many}{limit} ({edit.how})"
+            return f"fill {many}{limit} ({_WAYS.get(edit.how, edit.how)})"
         case BridgeSides():
             return "bridge two edges"
         case BridgeHoles():
-            return f"bridge two boundaries ({edit.how})"
+            return f"bridge two boundaries ({_WAYS.get(edit.how, edit.how)})"
         case Close():
-            return "close all gaps"
+            return "make watertight"
         case Cut():
             return _of_cut(edit)
         case Decimate():
-            many = "" if edit.faces is None else f"{edit.faces} faces"
+            many = "" if edit.faces is None else f"{edit.faces} triangles"
             near = "" if edit.tolerance is None else f"{edit.tolerance:g} mm"
             return "decimate to " + " or ".join(w for w in (many, near) if w)
         case Smooth():
-            return f"smooth {edit.where.count} faces"
+            return f"smooth {edit.where.count} triangles"
         case Despike():
             return "remove spikes"
         case RemovePieces():
-            return f"remove pieces of fewer than {edit.fewer} faces"
+            return f"remove pieces of fewer than {edit.fewer} triangles"
 
 
 def _of_cut(edit: Cut) -> str:
@@ -146,13 +150,13 @@ def _of_measure(measure: Measure) -> str:
         case MeasureToPlane():
             return "measure from a point to a plane"
         case MeasureDiameter():
-            return f"measure the diameter of {measure.where.count} faces"
+            return f"measure the diameter of {measure.where.count} triangles"
         case MeasureSection():
             return "measure the diameter of a section"
         case MeasureAngle() | MeasureCorner():
             return "measure an angle"
         case MeasureArea():
-            where = "" if measure.where is None else f" of {measure.where.count} faces"
+            where = "" if measure.where is None else f" of {measure.where.count} triangles"
             return f"measure the area{where}"
         case MeasureVolume():
             return "measure the volume"

@@ -92,6 +92,20 @@ class CalibrationState:
     """Width and height of the pictures, px."""
     marked: Floats
     """(n, 3): every corner of the board that was seen, u and v px, and the number of its view."""
+    space: SpaceCovered | None
+    """Where the boards were; None before an adjustment."""
+
+
+@dataclass(frozen=True)
+class SpaceCovered:
+    """Where boards were held, as the last adjustment has it, in the frame of the camera."""
+
+    corners: Floats
+    """(n, 4): every corner of the board in the hand, x, y, z mm, and the number of its view."""
+    reach: tuple[float, float]
+    """Half of the picture's width and height at a distance of one."""
+    axis: tuple[Floats, Floats] | None
+    """(3,) mm and (3,): the table's middle and its axis of rotation; None before it is known."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +164,7 @@ class LiveCalibration:
         self._table: dict[int, TablePicture] = {}
         self._next = 1
         self._advice: Advice | None = None
+        self._space: SpaceCovered | None = None
         self._rms: dict[str, float] = {}
         """px, by the names of the views in the last adjustment."""
 
@@ -222,7 +237,7 @@ class LiveCalibration:
             views = [self._of_camera(k, v) for k, v in self._camera.items()]
             views += [self._of_laser(k, name, pic) for k, (name, pic) in self._lasers.items()]
             views += [self._of_table(k, t) for k, t in self._table.items()]
-            advice = self._advice
+            advice, space = self._advice, self._space
         size = next(iter(boards.values())).size if boards else (1, 1)
         corners = [v.corners for v in boards.values()]
         marked = [np.insert(v.corners, 2, k, axis=1) for k, v in boards.items()]
@@ -235,6 +250,7 @@ class LiveCalibration:
             advice=advice,
             size=size,
             marked=np.concatenate([np.zeros((0, 3)), *marked]),
+            space=space,
         )
 
     def consider(self, check: Callable[[], None]) -> None:
@@ -253,11 +269,26 @@ class LiveCalibration:
     def _learn(self, done: Calibration) -> None:
         with self._lock:
             self._advice = advice_of(done.rig, done)
+            self._space = self._space_of(done)
             self._rms = {
                 name: float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
                 for k, name in enumerate(done.views)
                 if (parts := [b.residual for b in done.fit.blocks if b.view == k])
             }
+
+    def _space_of(self, done: Calibration) -> SpaceCovered:
+        numbers = {v.name: k for k, v in self._camera.items()}
+        numbers |= {p.view.name: k for k, (_, p) in self._lasers.items()}
+        placed = [
+            np.insert(pose.apply(view.points), 3, numbers[view.name], axis=1)
+            for view, pose in zip(done.network.boards, done.fit.state.poses, strict=True)
+            if view.name in numbers
+        ]
+        camera, T = done.rig.camera, done.rig.T_camera_table
+        width, height = done.network.boards[0].size if done.network.boards else (0, 0)
+        reach = (width / 2 / camera.fx, height / 2 / camera.fy)
+        axis = (T.translation, T.rotation[:, 2]) if done.rig.table_known else None
+        return SpaceCovered(np.concatenate([np.zeros((0, 4)), *placed]), reach, axis)
 
     def _adjusted(self, check: Callable[[], None]) -> Calibration:
         with self._lock:

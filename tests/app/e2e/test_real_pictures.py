@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
-from tests.app.e2e.pages import download_sizes
+from tests.app.e2e.pages import download_sizes, run_command
 from tests.needs import needs_shared
 from tests.web.uploads import zipped
 from turnscan.workflows import measure
@@ -28,7 +28,7 @@ def _pictures(data: Path) -> dict[str, bytes]:
 
 
 def test_a_zip_of_pictures_becomes_a_calibrated_measured_part(
-    new_page, folder: Path, tmp_path: Path
+    new_page, folder: Path, tmp_path: Path, picture
 ) -> None:
     data = needs_shared("turntable-mouse")
     page = new_page(height=1000)
@@ -51,6 +51,7 @@ def test_a_zip_of_pictures_becomes_a_calibrated_measured_part(
     form.get_by_role("button", name="Calibrate from pictures").click()
     form.get_by_role("link", name="mouse rig.json").wait_for(timeout=LONG)
     expect(form.get_by_role("link", name="Open mouse rig-report.html")).to_be_visible()
+    picture(page, "calibrate-pictures")
 
     page.get_by_role("button", name="All scans").click()
     part = dropped.get_by_role("listitem").filter(has_text="object")
@@ -66,6 +67,15 @@ def test_a_zip_of_pictures_becomes_a_calibrated_measured_part(
     until(page, "turnscan.faces > 1000", OPENING)
 
     page.get_by_role("button", name="Inspect", exact=True).click()
+    # The box below the mouse: its width between two of its sides.
+    run_command(page, "shapes …", "Shapes")
+    page.get_by_role("button", name="Find shapes").click()
+    sizes = page.get_by_role("table", name="All dimensions").get_by_role("row")
+    width = sizes.filter(has_text=re.compile("^plane . to plane .distance"))
+    expect(width).to_have_count(1, timeout=LONG)
+    said = width.get_by_role("cell").all_inner_texts()
+    assert 45.0 < float(said[2].split(" ±")[0]) < 60.0
+    assert float(said[4]) < 1.5
     download_sizes(page, "mouse", tmp_path / "sizes.pdf")
     found = measure(folder / "mouse.turnscan", planes=True)
     sides = [s for s in found.figures["planes"] if abs(s["normal"][2]) < 0.2]

@@ -64,7 +64,9 @@ class VerificationRuns(Model):
 
 class Calibration(Model):
     """A calibration in the making, each time a picture has been looked at. Array ``marked`` f32
-    (n, 3): every corner of the board that was seen, u and v px, and the number of its view."""
+    (n, 3): every corner of the board that was seen, u and v px, and the number of its view. Array
+    ``placed`` f32 (n, 4): where the corners were in the last adjustment, x, y, z mm in the frame
+    of the camera, and the number of the view."""
 
     kind: Literal["calibration"] = "calibration"
     board: str
@@ -87,6 +89,11 @@ class Calibration(Model):
     advice: str
     """The same in words; empty before it is known."""
     verdict: CalibrationVerdict | None
+    reach: list[float]
+    """Half of the picture's width and height at a distance of one; empty before an adjustment."""
+    axis: list[float]
+    """Of rotation, in the frame of the camera: the table's middle, mm, and a direction; empty
+    before it is known."""
 
 
 class Verifications(Model):
