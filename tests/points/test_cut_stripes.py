@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape
 from turnscan.points import _wholeness_kernels as kernels
@@ -94,6 +95,27 @@ def test_the_tail_of_a_stripe_that_passes_by_is_flagged_for_what_it_is() -> None
     edge = (grid.flags & StripeFlag.EDGE) != 0
     assert edge[19][grid.found[19]].all()
     assert not edge[np.arange(STEPS) != 19].any()
+
+
+@pytest.mark.parametrize("left", [0.9, 0.8, 0.65])
+def test_what_lacks_light_beside_a_gap_is_doubted_by_the_cut_that_takes_so_much(
+    left: float,
+) -> None:
+    """Of a width as due: light from elsewhere makes up for what the cut takes of it."""
+    rig, shape = make_rig(lift=28.0), cylinder(20.0, 0.0, 60.0)
+    whole, cut = (grid_of(shape, change=with_gap(1.0, light)) for light in (1.0, left))
+    there = whole.found[19]
+    more = np.sqrt(np.maximum(cut.sigma**2 - whole.sigma**2, 0.0))[:, there]
+    np.testing.assert_array_equal(np.nan_to_num(more)[np.arange(STEPS) != 19], 0.0)
+    if left == 0.9:
+        assert not more[19].any()
+        return
+    stripe = scan_shape(rig, shape, full_turn(STEPS))[19]
+    moved = replace(stripe, position=stripe.position + stripe.width)
+    a, b = (build_grid(rig, "L0", [s], [0], [0.0]).points[0, there] for s in (stripe, moved))
+    c = norm.ppf(left)
+    off = 0.7 * norm.pdf(c) / left * np.linalg.norm(b - a, axis=-1)
+    assert np.median(more[19] / off) == pytest.approx(1.0, abs=0.15)
 
 
 def thrown(width: float, light: float, lines: slice = slice(None)):

@@ -62,6 +62,10 @@ _CREASE = 0.4
 difference of the widths that it has on either: 1/√(2π)."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
+_WHOLE, _FAINTEST, _LACKING = 0.85, 0.02, 0.7
+"""A stripe where what is seen ends lacks light when it has less than this part of that of the one
+beside it, of which the second at least is believed; and the part that is doubted of how far the
+cut that takes so much moves its centre."""
 _GLOW_WIDTH, _GLOW_LIGHT, _GLOW_FLUX = 3.0, 0.35, 0.5
 """Light of other surfaces, without a stripe in it, is so many times as wide as a stripe is due
 there, and its brightness and all of its light are such parts of the usual stripe's at most. The
@@ -272,7 +276,25 @@ def _judged(
     doubt = np.where(cut, _MODEL * np.abs(off), doubt)
     shift = np.where(known, off, 0.0)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
+    wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
+    doubt = np.maximum(doubt, border * _lacking(width * some.light, first) * wide)
     return shift, doubt, border & faint, ratio
+
+
+def _lacking(flux: Floats, first: Bools) -> Floats:
+    """(s, n) by how many of its widths a stripe of so much light may be off, of which something
+    cut away what those of the profile beside have more, that after it where it is the ``first``.
+
+    Where other surfaces throw light beside it, or a second one is grazed, a cut stripe is as wide
+    as a whole one. Of a Gaussian of which a part f is left the centre is φ(c)/f off, c = Φ⁻¹(f).
+    """
+    from scipy.special import ndtri
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        left = flux / np.where(first, np.roll(flux, -1, 0), np.roll(flux, 1, 0))
+    f = np.clip(np.nan_to_num(left, nan=1.0), _FAINTEST, _WHOLE)
+    off = np.exp(-0.5 * ndtri(f) ** 2) / (np.sqrt(2 * np.pi) * f)
+    return np.asarray(np.where(f < _WHOLE, _LACKING * off, 0.0))
 
 
 def _fineness(arcs: Floats, thickness: float) -> Floats:
