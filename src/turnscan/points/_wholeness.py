@@ -277,7 +277,9 @@ def _judged(
     shift = np.where(known, off, 0.0)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
-    doubt = np.maximum(doubt, border * _lacking(width * some.light, first) * wide)
+    # Where a stripe has no known width, nothing is told by its light.
+    lacking = border * _lacking(width * some.light, first) * wide
+    doubt = np.maximum(doubt, np.nan_to_num(lacking))
     return shift, doubt, border & faint, ratio
 
 
