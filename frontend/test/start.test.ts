@@ -1,7 +1,7 @@
 import { afterEach, describe, expect, it, test, vi } from "vitest";
 import { PROTOCOL } from "../src/protocol";
 import { copyName, findingWords } from "../src/start/gallery";
-import { pictureOf, ranges } from "../src/verbs/preview";
+import { fullTurn, pictureOf, ranges } from "../src/verbs/preview";
 import { closePage, openPage } from "./page";
 
 afterEach(closePage);
@@ -31,6 +31,17 @@ it("leaves a scan whose file was renamed or thrown away", async () => {
 });
 
 describe("what is said of pictures before their import", () => {
+  test("even steps of a turn count what is missing", () => {
+    expect(fullTurn([{ steps: [0, 1, 3], missing: [2] }])).toBe("step:90");
+    expect(
+      fullTurn([
+        { steps: [0, 1], missing: [] },
+        { steps: [0, 1, 2], missing: [] },
+      ]),
+    ).toBe("step:120");
+    expect(fullTurn([])).toBeNull();
+  });
+
   test("gaps are written as ranges", () => {
     expect(ranges([3, 7, 8, 9])).toBe("3, 7–9");
     expect(ranges([])).toBe("");

@@ -85,7 +85,7 @@ export function BoardPane() {
         <h2>{again.value ? `Picture ${again.value.view}` : "Camera"}</h2>
         {shown && (
           <span class="about" role="status">
-            {!again.value && !live && "not live · "}
+            {!again.value && !live && "last picture · "}
             {found ? `${found} corners of the board` : (!again.value && picture.value?.header.failure) || "no board"}
           </span>
         )}

@@ -8,6 +8,7 @@ import { ask, devices, go, isOperator } from "../state";
 import { Button, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { hint } from "../ui/frame";
 import { Icon } from "../ui/icons";
+import { Watching } from "../ui/watching";
 import { BoardPane } from "./picture";
 import {
   again,
@@ -437,7 +438,7 @@ function Working() {
 
 /** Why nothing can be taken at the moment. */
 function Obstacle() {
-  if (!isOperator.value) return <p class="remark warning">Another browser is the operator: take control first.</p>;
+  if (!isOperator.value) return <Watching />;
   if (!connected())
     return (
       <div class="remark warning">

@@ -11,6 +11,7 @@ import { LivePane } from "../scanner/views";
 import { ask, devices, go, isOperator } from "../state";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { pressNamed } from "../ui/onpage";
+import { Watching } from "../ui/watching";
 import type { Room } from "./room";
 
 const SIMULATED = "sim:cup?seed=7";
@@ -60,6 +61,7 @@ function DevicesPanel() {
           Disconnect
         </Button>
       </div>
+      <Watching />
     </Section>
   );
 }

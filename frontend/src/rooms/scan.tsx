@@ -9,6 +9,7 @@ import { CloudPane, LivePane } from "../scanner/views";
 import { ask, devices, go, isOperator, jobs } from "../state";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { left } from "../ui/frame";
+import { Watching } from "../ui/watching";
 import type { Room } from "./room";
 
 const name = kept<string>("scan-name", "part");
@@ -171,6 +172,7 @@ function PlanPanel() {
         <Button kind="primary" icon="play" keys="Ctrl+Enter" label="Start" disabled={!mayStart()} onClick={start}>
           Start
         </Button>
+        <Watching />
         {missing() && <p class="remark warning">{missing()}</p>}
         {!now.rig && (
           <span class="quiet">No calibration is known for these devices: points appear when a rig is added.</span>

@@ -1,4 +1,5 @@
 /** Fields of a verb's form, each made from a property of its schema. */
+import type { ComponentChildren } from "preact";
 import { useId, useRef, useState } from "preact/hooks";
 import type { VerbEntry } from "../protocol";
 import { chosenFolder, dropped } from "../start/folders";
@@ -13,6 +14,8 @@ interface FieldProps {
   property: Property;
   required: boolean;
   error: string | undefined;
+  /** What helps to fill the field in. */
+  help?: ComponentChildren;
 }
 
 /** The id of a field, to which remedies and errors lead. */
@@ -25,7 +28,7 @@ export function goTo(name: string): void {
   field?.querySelector<HTMLElement>("input, select, button")?.focus();
 }
 
-export function Field({ verb, name, property, required, error }: FieldProps) {
+export function Field({ verb, name, property, required, error, help }: FieldProps) {
   const about = useId();
   const kind = fieldOf(property);
   return (
@@ -35,6 +38,7 @@ export function Field({ verb, name, property, required, error }: FieldProps) {
       ) : (
         <ValueField verb={verb} name={name} property={property} required={required} />
       )}
+      {help}
       <p class="quiet" id={about}>
         {property.description}
       </p>
@@ -47,7 +51,7 @@ export function Field({ verb, name, property, required, error }: FieldProps) {
   );
 }
 
-function ValueField({ verb, name, property, required }: Omit<FieldProps, "error">) {
+function ValueField({ verb, name, property, required }: Omit<FieldProps, "error" | "help">) {
   const label = labelOf(name);
   const value = formOf(verb).values[name];
   const set = (to: unknown) => change(verb, { values: { ...formOf(verb).values, [name]: to } });
@@ -95,7 +99,7 @@ function ValueField({ verb, name, property, required }: Omit<FieldProps, "error"
 }
 
 /** Files of the library or from this computer: one, or several in the order in which they are chosen. */
-function FileField({ verb, name, property, required }: Omit<FieldProps, "error">) {
+function FileField({ verb, name, property, required }: Omit<FieldProps, "error" | "help">) {
   const input = useRef<HTMLInputElement>(null);
   const folder = useRef<HTMLInputElement>(null);
   const [over, setOver] = useState(false);

@@ -3,10 +3,11 @@ import type { VerbEntry } from "../protocol";
 import type { Room } from "../rooms/room";
 import { go, isOperator } from "../state";
 import { Button, Section, TextField } from "../ui/controls";
+import { Watching } from "../ui/watching";
 import { Field, fieldId } from "./fields";
 import { Outcome } from "./outcome";
 import { PickPoints } from "./points";
-import { ImportPreview } from "./preview";
+import { ImportPreview, importHelp } from "./preview";
 import { type Property, troubles } from "./schema";
 import { change, type Form, formOf, resultName, run, runOf, schemaOf, sending, verbHere } from "./state";
 
@@ -33,6 +34,7 @@ function VerbForm({ verb }: { verb: VerbEntry }) {
         property={property}
         required={schema.required.includes(name)}
         error={errors[name]}
+        help={verb.verb === "import" ? importHelp(verb, name) : undefined}
       />
     ));
   const options = all.filter(([, { role }]) => role === "option");
@@ -88,7 +90,7 @@ function VerbForm({ verb }: { verb: VerbEntry }) {
         <button type="submit" class="button primary" disabled={running || !isOperator.value || sending.value !== null}>
           {verb.title}
         </button>
-        {!isOperator.value && <span class="quiet">Another browser is the operator: take control first.</span>}
+        <Watching />
         {form.tried && Object.keys(errors).length > 0 && !running && (
           <span class="error">Correct what is marked above.</span>
         )}

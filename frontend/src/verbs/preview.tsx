@@ -1,5 +1,6 @@
 /** What an import would make of the chosen pictures: steps and gaps, the laser's colour, the stripe. */
 import { signal, useSignalEffect } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { link } from "../bus";
 import { RefusedError } from "../link";
@@ -8,7 +9,7 @@ import { LiveView, type ShownPicture } from "../scanner/picture";
 import { isOperator } from "../state";
 import { Button, Section, SelectField } from "../ui/controls";
 import { chosen, type Values } from "./schema";
-import { formOf, schemaOf } from "./state";
+import { change, files, formOf, openVerb, schemaOf, send } from "./state";
 
 interface Looked extends ShownPicture {
   header: ImportPreviewed;
@@ -175,6 +176,66 @@ function Shown({ verb }: { verb: VerbEntry }) {
         </div>
       )}
     </div>
+  );
+}
+
+/** Angles of even steps that make a full turn, as the field has them; null before the pictures were looked at. */
+export function fullTurn(series: readonly Pick<SeriesSeen, "steps" | "missing">[]): string | null {
+  const last = Math.max(-1, ...series.flatMap(({ steps, missing }) => [...steps, ...missing]));
+  return last > 0 ? `step:${Number((360 / (last + 1)).toFixed(6))}` : null;
+}
+
+/** Ways to say the angles, without knowing how they are written. */
+function AngleWays({ verb }: { verb: VerbEntry }) {
+  const input = useRef<HTMLInputElement>(null);
+  const set = (angles: string) => change(verb, { values: { ...formOf(verb).values, angles } });
+  const turn = fullTurn(looked.value?.header.series ?? []);
+  const tables = files.value.filter(({ kinds, name }) => kinds.includes("table") && /\.csv$/i.test(name));
+  const take = async (list: FileList | null) => {
+    const sent = await send(list ?? []);
+    const table = files.value.find(({ file }) => sent.includes(file));
+    if (table) set(table.name);
+  };
+  return (
+    <span class="row">
+      {turn && (
+        <Button small onClick={() => set(turn)}>
+          Even steps of a full turn
+        </Button>
+      )}
+      <Button small onClick={() => set("markers")}>
+        Markers on the table
+      </Button>
+      {tables.map(({ file, name }) => (
+        <Button key={file} small onClick={() => set(name)}>
+          {name}
+        </Button>
+      ))}
+      <Button small onClick={() => input.current?.click()}>
+        A file of angles …
+      </Button>
+      <input
+        ref={input}
+        type="file"
+        hidden
+        accept=".csv"
+        aria-label="CSV file from this computer"
+        onChange={(event) => void take(event.currentTarget.files)}
+      />
+    </span>
+  );
+}
+
+/** What helps to fill in a field of an import. */
+export function importHelp(verb: VerbEntry, name: string): ComponentChildren {
+  if (name === "angles") return <AngleWays verb={verb} />;
+  if (name !== "rig") return undefined;
+  return (
+    <span class="row">
+      <Button small onClick={() => openVerb("calibrate", null)}>
+        Make a rig from pictures of a board …
+      </Button>
+    </span>
   );
 }
 

@@ -60,8 +60,14 @@ def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, picture, folde
     angles.press("Tab")
     begin.click()
     expect(said).to_contain_text("neither a step", timeout=LONG)
-    angles.fill(f"step:{360 / STEPS:g}")
-    angles.press("Tab")
+    form.get_by_role("button", name="Markers on the table").click()
+    expect(angles).to_have_value("markers")
+    form.get_by_label("CSV file").set_input_files(
+        {"name": "stops.csv", "mimeType": "text/csv", "buffer": b"0\n15\n30\n"}
+    )
+    expect(angles).to_have_value("stops.csv")
+    form.get_by_role("button", name="Even steps of a full turn").click()
+    expect(angles).to_have_value(f"step:{360 / STEPS:g}")
     form.get_by_role("combobox", name="Rig").select_option(label="rig.json (a rig)")
     form.get_by_label("Laser", exact=True).fill("L0")
     form.get_by_label("Laser", exact=True).press("Tab")

@@ -122,6 +122,13 @@ def test_a_page_that_is_left_is_the_operator_no_more(new_page):
     left.get_by_text("operator").wait_for()
     other = new_page()
     other.get_by_text("watching").wait_for()
+    other.get_by_role("button", name="Setup", exact=True).click()
+    other.get_by_role("button", name="Take control here").click()
+    other.get_by_text("operator", exact=False).first.wait_for()
+    left.get_by_text("Another browser is the operator now.").wait_for()
+    left.get_by_role("button", name="Setup", exact=True).click()
+    left.get_by_role("button", name="Take control here").click()
+    other.get_by_role("button", name="Take control here").wait_for()
     left.evaluate("dispatchEvent(new PageTransitionEvent('pagehide', { persisted: true }))")
     until(left, "turnscan.connection === 'lost'")
     until(left, "turnscan.connection === 'open'")  # as for who goes back
