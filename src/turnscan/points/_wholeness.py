@@ -279,7 +279,7 @@ def _judged(
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
     # Where a stripe has no known width, nothing is told by its light.
     lacking = border * _lacking(width * some.light, first) * wide
-    doubt = np.maximum(doubt, np.nan_to_num(lacking))
+    doubt = np.maximum(doubt, np.nan_to_num(lacking) - np.abs(off))
     return shift, doubt, border & faint, ratio
 
 
