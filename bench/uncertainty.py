@@ -132,8 +132,13 @@ def scanned(task: Task, made: Bench, folder: Path) -> Path:
 
 def measured(task: Task, folder: Path, way: Way) -> list[Taken]:
     """Every measure of a scan, with its truth."""
+    return measured_by(task, None if way.true_rig else believed(task, folder), folder)
+
+
+def measured_by(task: Task, believed: Rig | None, folder: Path) -> list[Taken]:
+    """Every measure of a scan by this rig, with its truth; None is the true rig."""
     made = task.made()
-    rig = made.rig if way.true_rig else believed(task, folder)
+    rig = believed or made.rig
     s = Settings(caps=ClosingOptions())
     with Scan.open(scanned(task, made, folder)) as scan:
         grids = to_grids(detect_scan(scan, rig, s.stripes), s).grids
@@ -141,7 +146,9 @@ def measured(task: Task, folder: Path, way: Way) -> list[Taken]:
     body = made.scene.bodies[0]
     guess = body.T_table_part.inverse() @ made.rig.T_camera_table.inverse() @ rig.T_camera_table
     rng = np.random.default_rng((task.number, 3))
-    return taken_on(mesh, source_of(grids, rig), task.part, guess, rng, aligned=not way.true_rig)
+    return taken_on(
+        mesh, source_of(grids, rig), task.part, guess, rng, aligned=believed is not None
+    )
 
 
 def table(found: Sequence[Taken]) -> list[str]:

@@ -54,6 +54,7 @@ def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> by
     """
     check_opencascade()
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+    from OCP.BRepTools import BRepTools
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static
     from OCP.STEPCAFControl import STEPCAFControl_Writer
@@ -69,6 +70,8 @@ def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> by
     ):
         Interface_Static.SetCVal_s(key, value)
     shape = what.whole if isinstance(what, Solid) else tessellated(what)
+    # Facets of faces that have a surface would be written beside them, as a second solid.
+    BRepTools.Clean_s(shape)
     document = document_of(shape, _NAME, what.colours if isinstance(what, Solid) else {})
     if not caf.Transfer(document, STEPControl_AsIs):
         raise ExportError("OpenCASCADE could not turn the part into STEP")
