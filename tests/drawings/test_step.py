@@ -325,6 +325,20 @@ def test_a_shaft_is_a_valid_solid_of_its_five_faces(shaft: FoundShapes) -> None:
     assert ".MILLI." in text
 
 
+def test_a_solid_whose_facets_were_looked_at_is_written_once(
+    shaft: FoundShapes, lumpy: tuple[FoundShapes, float]
+) -> None:
+    for part in (shaft, lumpy[0]):
+        solid = part.step.made
+        assert solid is not None
+        facets = solid.facets(0.05)
+        data = write_step(solid, "part", {})
+        assert b"TESSELLATED" not in data
+        assert read_step(data).solids == 1
+        again = solid.facets(0.05)
+        assert len(again.mesh.faces) == len(facets.mesh.faces)
+
+
 def test_it_says_where_it_comes_from_and_holds_no_date(shaft: FoundShapes) -> None:
     about = {"source": NAME, "parameters": {"größe": "a'b\\c"}}
     name = "d'Ä"
