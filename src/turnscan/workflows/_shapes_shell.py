@@ -7,7 +7,7 @@ from turnscan.mesh import Mesh
 from turnscan.shapes.patches import Charting, Charts, borders_of
 from turnscan.shapes.primitives import ShapeSet
 
-_ROUNDS = 12
+_ROUNDS = 40
 _MOST = 30_000
 _SHARE = 0.5
 """Of the faces of a mesh, and in all: with more facets it is a mesh and no drawing. A facet takes
