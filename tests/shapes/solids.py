@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.mesh import Mesh, vertex_normals
+from turnscan.mesh import Mesh, Provenance, vertex_normals
 
 
 def lines(corners: list[tuple[float, float]], step: float) -> Floats:
@@ -60,3 +60,21 @@ def noisy(mesh: Mesh, sigma: float, seed: int) -> Mesh:
     dice = np.random.default_rng(seed)
     n = np.nan_to_num(vertex_normals(mesh))
     return Mesh(mesh.vertices + n * dice.normal(0, sigma, len(n))[:, None], mesh.faces)
+
+
+def averaged(mesh: Mesh, sigma: float, seed: int, rounds: int = 1) -> Mesh:
+    """Noise that neighbours share, as a merge leaves it that averages them; each says its sigma."""
+    dice = np.random.default_rng(seed)
+    off = dice.normal(size=len(mesh.vertices))
+    a, b = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).T
+    for _ in range(rounds):
+        total, count = off.copy(), np.ones(len(off))
+        for one, other in ((a, b), (b, a)):
+            np.add.at(total, one, off[other])
+            np.add.at(count, one, 1)
+        off = total / count
+    off *= sigma / off.std()
+    none = np.zeros(len(off), dtype=np.int32)
+    origin = Provenance(np.full(len(off), sigma), none, none - 1, none, ("red", "green"))
+    n = vertex_normals(mesh)
+    return Mesh(mesh.vertices + n * off[:, None], mesh.faces, provenance=origin)

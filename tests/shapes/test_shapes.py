@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.shapes.solids import noisy, prism, turned
+from tests.shapes.solids import averaged, noisy, prism, turned
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, Provenance, vertex_normals
 from turnscan.shapes.primitives import _surface_kernels as surface
@@ -73,6 +73,49 @@ def test_a_sphere_and_a_torus_are_one_shape_each():
     assert found.shapes[0].area > 0.95 * ring.area_of()
     assert found.shapes[0].radius == pytest.approx(30, abs=0.005)
     assert found.shapes[0].second == pytest.approx(10, abs=0.005)
+
+
+HEXAGON = [(23 * np.cos(a), 23 * np.sin(a)) for a in np.arange(6) * np.pi / 3]
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.1])
+def test_planes_are_found_where_merging_left_neighbours_off_together(sigma):
+    """And what their places are known to is what they are off by."""
+    z = []
+    for seed in range(3):
+        mesh = averaged(prism(HEXAGON, 40, 0.7), sigma, seed)
+        found = find_shapes(mesh, relations=False)
+        assert [s.kind for s in found.shapes] == 6 * ["plane"]
+        assert found.coverage > 0.9
+        for s in found.shapes:
+            side = np.pi / 6 + np.pi / 3 * np.arange(6)
+            middle = 23 * np.sqrt(3) / 2 * np.column_stack([np.cos(side), np.sin(side)])
+            true = np.append(middle[np.argmax(middle @ s.axis[:2])], 20.0)
+            z.append(float((true - s.point) @ s.axis) / np.sqrt(s.covariance[4, 4]))
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.7
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("sigma", [0.05, 0.1])
+def test_cylinders_are_found_where_merging_left_neighbours_off_together(seed, sigma):
+    end = [(25, 0), (25, 20), (15, 20), (15, 45)]
+    found = find_shapes(averaged(turned(end, 0.7, 160), sigma, seed))
+    assert sorted(s.kind for s in found.shapes) == ["cylinder", "cylinder", "plane"]
+    for s, radius in zip(
+        sorted(found.of("cylinder"), key=lambda s: s.radius), (15, 25), strict=True
+    ):
+        assert s.radius == pytest.approx(radius, abs=4 * s.radius_sigma)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("sigma", [0.05, 0.1])
+def test_no_shape_is_found_on_freeform_whose_neighbours_are_off_together(seed, sigma):
+    t = np.linspace(-1.3, 1.3, 120)
+    wall = turned([(30 + 6 * np.sin(2.2 * a) + 3 * a * a, 40 * a) for a in t], 0.7, 220)
+    angle = np.arctan2(wall.vertices[:, 1], wall.vertices[:, 0])
+    lobes = 1 + 0.06 * np.cos(3 * angle + 0.05 * wall.vertices[:, 2])
+    body = Mesh(wall.vertices * np.column_stack([lobes, lobes, np.ones_like(lobes)]), wall.faces)
+    assert not find_shapes(averaged(body, sigma, seed)).shapes
 
 
 def test_a_narrow_chamfer_is_a_cone_and_no_sphere():

@@ -38,6 +38,8 @@ _STEPS = 30
 _EDGE, _KEEP = 2, 0.4
 """Rings of vertices at the end of a region that do not count, for stripes are bent beside edges,
 and the share of it that must be left without them, else they stay."""
+_BEVEL = 0.1
+"""The same share of a plane on a merged mesh that is known badly: bevels have none."""
 _RIM, _LEFT = 3, 0.2
 """The same once more, and at open borders, too, where a region would else miss its surface by more
 than noise: beside the walls of a keyway, and where its floor goes into their shadow."""
@@ -121,14 +123,15 @@ def _kept(g: Ground, found: list[Region]) -> tuple[list[Region], Index]:
 
 
 def _broad(g: Ground, r: Region, own: Index) -> bool:
-    """Whether a curved region that is known badly is more than a band of its own edges: the edge of
-    a part that the light rounds off lies on a cone. One that is known well may be a fillet."""
-    if r.kind == PLANE or not poor(g, own):
+    """Whether a region that is known badly is more than a band of its own edges: the edge of a part
+    that the light rounds off lies on a cone. One that is known well may be a fillet. A plane may be
+    narrow, but where a merge averages it rounds edges off to bevels that are all edge."""
+    if not poor(g, own) or (r.kind == PLANE and g.together == 1.0):
         return True
     member = np.zeros(len(g.vertices), dtype=np.bool_)
     member[own] = True
     core = region.eroded(member, g.start, g.near, np.zeros_like(g.border), _EDGE)
-    return int(core.sum()) >= _KEEP * len(own)
+    return int(core.sum()) >= (_BEVEL if r.kind == PLANE else _KEEP) * len(own)
 
 
 def _true(g: Ground, fit: _Fit) -> bool:
@@ -188,7 +191,7 @@ class _Fit:
         self.inverse = _inverse(N)
         count = max(len(self.residual) - len(self.free), 1)
         unit = max(1.0, float((self.weight * self.residual**2).sum()) / count)
-        where = cells(g, self.used)
+        where = cells(g, self.used, g.together)
         unit *= clumping(self.residual * np.sqrt(self.weight), where, len(self.free))
         self.covariance = np.zeros((7, 7))
         self.covariance[np.ix_(self.free, self.free)] = self.inverse * unit + self._bent(g)

@@ -54,6 +54,11 @@ SPAN = float(np.radians(20.0))
 """Angle that the normals of a curved region span at the least: less of it says no radius."""
 _CELL = 9
 """Vertices of a cell, about."""
+_AVERAGED, _TOGETHER = 1.4, (4.0, 16.0)
+"""Usual sigmas over the noise between neighbours from which points are off together, as they are
+where several lasers were merged; and so many at the least then, and at the most."""
+_TELLING = (20, 30)
+"""Cells that a plane and a curved surface must have then: few large ones fit anything."""
 _CLEAR = 0.05
 """A plane whose pattern stays below this is not compared with curved surfaces."""
 _FIT, _GROWING = 4000, 400
@@ -63,8 +68,10 @@ _ROUNDS, _GROWTH = 24, 4
 has not been looked at far and wide by then."""
 _SETTLING = 3
 """Rounds of growth at the end, with fits to more points."""
-_HOPELESS = 0.30
-"""Excess beyond which a region that grows is given up: its surface is that through its points."""
+_HOPELESS = (0.30, 0.38)
+"""Excess beyond which a region that grows is given up: its surface is that through its points; and
+the same where neighbours are off together, all of whose noise counts as excess: one standard
+deviation of it is a third."""
 _STEPS = 6
 """Of a fit while a region grows."""
 _MISFIT = 2.0
@@ -128,6 +135,8 @@ class Ground:
 
     size: float
     """mm: diagonal of the box around it."""
+    together: float
+    """Neighbours that are off together, about, as a merge leaves them that averages; 1 for none."""
 
     @property
     def neighbourhood(self) -> region.Neighbourhood:
@@ -184,8 +193,14 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     return Ground(
         X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing,
         stripe, along, 0 if stripe is None else len(np.unique(stripe)),
-        float(np.median(scale)) if len(scale) else 0.0, size,
+        float(np.median(scale)) if len(scale) else 0.0, size, _together(scale, noise),
     )  # fmt: skip
+
+
+def _together(scale: Floats, noise: float) -> float:
+    """How many neighbours are off together: these differ by less than each of them is off."""
+    share = float(np.median(scale)) / noise if len(scale) else 1.0
+    return float(np.clip(share * share, *_TOGETHER)) if share > _AVERAGED else 1.0
 
 
 def _stripe_numbers(mesh: Mesh) -> Index | None:
@@ -369,7 +384,8 @@ class _Search:
                 return q, none
             if enough:
                 break
-            if len(member) > len(ball) and excess(g, kind, q, member, _GROWING) > _HOPELESS:
+            misfit = excess(g, kind, q, member, _GROWING)
+            if len(member) > len(ball) and misfit > _HOPELESS[_together_on(g, kind) > 1.0]:
                 self.reached = min(self.reached, len(member))
                 return q, none
         return q, member
@@ -457,9 +473,10 @@ def centred(kind: int, q: Floats, points: Floats) -> Floats:
     return out
 
 
-def cells(g: Ground, member: Index) -> Index:
-    """(n,) number of the cell of space that each member is in; about `_CELL` share one."""
-    side = max(g.spacing * np.sqrt(_CELL), 1e-9)
+def cells(g: Ground, member: Index, together: float = 1.0) -> Index:
+    """(n,) number of the cell of space that each member is in; about `_CELL` share one, or so many
+    times as many as are off ``together``."""
+    side = max(g.spacing * np.sqrt(_CELL * together), 1e-9)
     at = np.floor((g.vertices[member] - g.vertices[member].min(axis=0)) / side).astype(np.int64)
     wide = at.max(axis=0) + 1
     keys = (at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2]
@@ -489,34 +506,59 @@ def poor(g: Ground, member: Index) -> bool:
 
 
 def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
-    """Whether what firm members miss the surface by is noise."""
+    """Whether what firm members miss the surface by is noise: that of each, or of neighbours that
+    are off together. Cones, spheres and tori bend to too much of a freeform wall for the latter."""
     firm = member[g.firm[member]]
+    if not len(firm):
+        return False
+    plain, together = excess(g, kind, q, firm), _together_on(g, kind)
+    if plain <= _EXCESS and pattern(g, kind, q, firm) <= _PATTERN:
+        return True
     return (
-        len(firm) > 0
-        and excess(g, kind, q, firm) <= _EXCESS
-        and pattern(g, kind, q, firm) <= _PATTERN
+        together > 1.0
+        and plain <= _HOPELESS[1]
+        and excess(g, kind, q, firm, together=together) <= _EXCESS
+        and pattern(g, kind, q, firm, together) <= _PATTERN
     )
 
 
-def excess(g: Ground, kind: int, q: Floats, member: Index, most: int = _FIT) -> float:
+def _together_on(g: Ground, kind: int) -> float:
+    return g.together if kind in (PLANE, CYLINDER) else 1.0
+
+
+def excess(
+    g: Ground, kind: int, q: Floats, member: Index, most: int = _FIT, together: float = 1.0
+) -> float:
     """How far members miss the surface beyond their own noise, each over its own tolerance.
 
-    The noise is what each stands off its neighbours by, half of them less and half of them more.
+    The noise is what each stands off its neighbours by, half of them less and half of them more;
+    where so many are off ``together``, what each stands off the mean of its cell by.
     """
     some = _thinned(member, most)
     d = surface.distances(kind, q, g.vertices[some])[0] / g.limit[some]
     noise = 1.4826 * float(np.median(np.abs(g.off[some] / g.limit[some])))
+    if together > 1.0:
+        cell = cells(g, some, together)
+        count = np.bincount(cell)
+        mean = np.bincount(cell, d) / np.maximum(count, 1)
+        free = max(len(some) - int((count > 0).sum()), 1)
+        noise = max(noise, float(np.sqrt(((d - mean[cell]) ** 2).sum() / free)))
     return float(np.sqrt(max(float(np.mean(d * d)) - noise**2, 0.0)))
 
 
-def pattern(g: Ground, kind: int, q: Floats, member: Index) -> float:
+def pattern(g: Ground, kind: int, q: Floats, member: Index, together: float = 1.0) -> float:
     """How far the means of cells stand off the surface, root mean square, over its tolerance.
 
-    What independent noise gives them is taken off, and the worst tenth, which lies at edges.
+    What independent noise gives them is taken off, and the worst tenth, which lies at edges. Where
+    so many points are off ``together``, fewer cells than tell anything say that it is no surface.
     """
     d = surface.distances(kind, q, g.vertices[member])[0] / g.limit[member]
-    off = _means_off(d, cells(g, member))
-    return off if off is not None else 0.0 if kind == PLANE else float("inf")
+    off = _means_off(
+        d, cells(g, member, together), 6 if together == 1.0 else _TELLING[kind != PLANE]
+    )
+    if off is not None:
+        return off
+    return 0.0 if kind == PLANE and together == 1.0 else float("inf")
 
 
 def waves(g: Ground, kind: int, q: Floats, member: Index) -> float:
@@ -536,11 +578,11 @@ def waves(g: Ground, kind: int, q: Floats, member: Index) -> float:
     return 0.0 if off is None else off
 
 
-def _means_off(d: Floats, cell: Index) -> float | None:
+def _means_off(d: Floats, cell: Index, least: int = 6) -> float | None:
     """Root mean square of the means of values over cells; None where there are too few."""
     count = np.bincount(cell)
     good = count >= 4
-    if good.sum() < 6:
+    if good.sum() < least:
         return None
     mean = np.bincount(cell, d)[good] / count[good]
     spread = np.bincount(cell, d * d)[good] / count[good] - mean**2
