@@ -29,9 +29,23 @@ function choose({ address, role }: FoundDevice): void {
   }
 }
 
+/** Said at an address that is empty. */
+function Needed({ like }: { like: string }) {
+  return (
+    <p class="remark error" role="alert">
+      An address is needed here, like {like}, or {SIMULATED} for the simulated rig.
+    </p>
+  );
+}
+
 function DevicesPanel() {
   const busy = useSignal(false);
+  // Until Connect is pressed again: a line that went with a field's change would move the button away.
+  const empty = useSignal<readonly string[]>([]);
   const connect = async () => {
+    const needed = { camera: camera.value, turntable: turntable.value };
+    empty.value = Object.entries(needed).flatMap(([name, value]) => (value.trim() ? [] : [name]));
+    if (empty.value.length) return;
     busy.value = true;
     await ask({
       kind: "connect",
@@ -44,7 +58,9 @@ function DevicesPanel() {
   return (
     <Section title="Devices">
       <TextField label="Camera" value={camera.value} onChange={(value) => (camera.value = value)} />
+      {empty.value.includes("camera") && <Needed like="uvc:0" />}
       <TextField label="Turntable" value={turntable.value} onChange={(value) => (turntable.value = value)} />
+      {empty.value.includes("turntable") && <Needed like="grbl:/dev/ttyUSB0" />}
       <TextField label="Lasers" value={lasers.value} onChange={(value) => (lasers.value = value)} />
       <div class="grid-2">
         <Button

@@ -162,6 +162,9 @@ def elsewhere(page, scan: str) -> Iterator[str]:
             page.get_by_role("button", name="Area", exact=True).click()
             page.get_by_role("button", name="Measure it").click()
             rows(page).first.wait_for()
+            rows(page).first.get_by_role("button", name="±").click()
+            rows(page).first.get_by_role("button", name="±").hover()
+            yield f"{name}, its budget"
             yield from opened_by(page, "Measure the same on another scan")
         for k in range(max(1, inside.count() - (room == "calibrate"))):
             if room in ("export", "calibrate"):

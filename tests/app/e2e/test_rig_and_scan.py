@@ -58,6 +58,9 @@ def test_a_scan_grows_pauses_goes_on_and_is_repaired(new_page, picture):
 def test_an_address_that_is_none_is_refused_in_words(new_page):
     page = new_page()
     page.get_by_role("button", name="Setup", exact=True).click()
+    page.get_by_role("textbox", name="Camera").fill("")
+    page.get_by_role("button", name="Connect", exact=True).click()
+    page.get_by_role("alert").get_by_text("An address is needed here, like uvc:0").wait_for()
     page.get_by_role("textbox", name="Camera").fill("sim:nothing")
     page.get_by_role("button", name="Connect", exact=True).click()
     page.get_by_role("alert").filter(has_text="camera, turntable and lasers in one").wait_for()
