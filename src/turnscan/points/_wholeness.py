@@ -277,8 +277,9 @@ def _judged(
     shift = np.where(known, off, 0.0)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
-    # Where a stripe has no known width, nothing is told by its light.
-    lacking = border * _lacking(width * some.light, first) * wide
+    # Over a long step the profile beside may lie on another face, otherwise to the light; and where
+    # a stripe has no known width, nothing is told by its light.
+    lacking = some.fine * border * _lacking(width * some.light, first) * wide
     doubt = np.maximum(doubt, np.nan_to_num(lacking) - np.abs(off))
     return shift, doubt, border & faint, ratio
 
