@@ -78,7 +78,8 @@ def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, picture, folde
 
 
 def test_a_folder_of_pictures_is_sent_with_its_folders(new_page, tmp_path: Path) -> None:
-    for name, data in _turn().items():
+    some = dict(list(_turn().items())[::5])
+    for name, data in some.items():
         for laser in ("left", "right"):
             path = tmp_path / "two lasers" / laser / Path(name).name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -90,7 +91,7 @@ def test_a_folder_of_pictures_is_sent_with_its_folders(new_page, tmp_path: Path)
     form.get_by_label("Pictures from a folder").set_input_files(tmp_path / "two lasers")
     for laser in ("left", "right"):
         row = form.get_by_role("group", name="Pictures", exact=True).get_by_label(
-            f"two lasers/{laser} ({STEPS} pictures)"
+            f"two lasers/{laser} ({len(some)} pictures)"
         )
         expect(row).to_be_checked(timeout=LONG)
     expect(form.get_by_role("combobox", name="Laser")).to_have_value("left", timeout=LONG)
