@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Ints
 from turnscan.drawings import (
     ANALYTIC,
+    Facets,
     Solid,
     check_opencascade,
     read_step,
@@ -37,6 +38,8 @@ _SURE = 3.0
 _EXACT = 1e-6
 _COVER = 0.8
 """Share of the measured surface that must lie on shapes for a solid of them."""
+_LARGE = 0.01
+"""Share of the surface from which a filling is a face that was not seen, and no gap at an edge."""
 _LOST = 0.05
 """Share of the points on shapes that may lie off their solid: where a mesh is open, no volume says
 that parts of it are missing."""
@@ -118,22 +121,52 @@ def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object])
     """
     check_opencascade()
     title = Path(name).stem or "part"
-    surfaces, added = _surfaces(mesh, found)
-    solid = solid_of(mesh, surfaces) if found.coverage >= _COVER else None
-    why = _against(mesh, found, solid)
-    if solid is None or why:
+    made, why = _analytic(mesh, found)
+    if made is None:
         return _of_patches(mesh, found, title, about, why)
-    facets = solid.facets(_FACETS * found.tolerance)
-    known = measured_vertices(mesh)
-    distance, face = nearest_faces(mesh.vertices[known], facets)
-    off_it = np.abs(distance[found.label[known] >= 0]) > 2 * found.tolerance
-    if off_it.mean() > _LOST:
+    off = face_deviations(made.distance, made.face, made.facets, made.solid.faces)
+    file = _written(off, found, made.solid, title, about)
+    closing = f", {made.added} of them planes of fillings, not measured" if made.added else ""
+    return _told(mesh, found, file, closing, {"faces_not_measured": made.added})
+
+
+@dataclass(frozen=True, eq=False)
+class _Analytic:
+    """A solid of shapes and of planes of fillings, with how measured points lie to it."""
+
+    solid: Solid
+    added: int
+    """Planes of fillings among its surfaces."""
+    facets: Facets
+    distance: Floats
+    """(n,) mm of the measured vertices."""
+    face: Ints
+    """(n,) the triangle of ``facets`` that is nearest."""
+
+
+def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
+    """The solid that shapes close to, else with as few planes of fillings as close it; or why not.
+
+    Small fillings lie along edges that were not seen: where large ones close the part they would
+    cut its edges off.
+    """
+    if found.coverage < _COVER:
+        return None, f"only {found.coverage:.0%} of the measured surface lies on shapes"
+    shapes, fillings = _surfaces(mesh, found)
+    large = sum(plane.area >= _LARGE * mesh.area_of() for plane, _ in fillings)
+    known, why = measured_vertices(mesh), ""
+    for added in sorted({0, large, len(fillings)}):
+        solid = solid_of(mesh, [*shapes, *fillings[:added]])
+        why = _against(mesh, solid)
+        if solid is None or why:
+            continue
+        facets = solid.facets(_FACETS * found.tolerance)
+        distance, face = nearest_faces(mesh.vertices[known], facets)
+        off_it = np.abs(distance[found.label[known] >= 0]) > 2 * found.tolerance
+        if off_it.mean() <= _LOST:
+            return _Analytic(solid, added, facets, distance, face), ""
         why = f"their solid lacks {off_it.mean():.0%} of the points on shapes"
-        return _of_patches(mesh, found, title, about, why)
-    off = face_deviations(distance, face, facets, solid.faces)
-    made = _written(off, found, solid, title, about)
-    closing = f", {added} of them planes of fillings, not measured" if added else ""
-    return _told(mesh, found, made, closing, {"faces_not_measured": added})
+    return None, why
 
 
 def _of_patches(
@@ -227,10 +260,8 @@ def _told(
     return replace(made, findings=(Finding(code, "note", text),), figures=figures)
 
 
-def _against(mesh: Mesh, found: ShapeSet, solid: Solid | None) -> str:
+def _against(mesh: Mesh, solid: Solid | None) -> str:
     """Why there is no solid, or not this one; nothing where it is the part's."""
-    if found.coverage < _COVER:
-        return f"only {found.coverage:.0%} of the measured surface lies on shapes"
     if solid is None:
         return "the shapes do not close to a solid"
     wrong = _other_volume(mesh, solid)
@@ -262,18 +293,22 @@ def _triangles(mesh: Mesh, title: str, about: Mapping[str, object], why: str) ->
     return StepFile(data, (finding,), None, {"solid": False, "triangles": len(mesh.faces)})
 
 
-def _surfaces(mesh: Mesh, found: ShapeSet) -> tuple[list[tuple[Shape, Floats]], int]:
-    """The shapes with the points on them, and the planes of what was filled; how many of those."""
+Surface = tuple[Shape, Floats]
+"""A shape, and the points (n, 3) mm on it."""
+
+
+def _surfaces(mesh: Mesh, found: ShapeSet) -> tuple[list[Surface], list[Surface]]:
+    """The shapes, and the planes of what was filled, the largest first."""
     out = [(s, mesh.vertices[found.label == k]) for k, s in enumerate(found.shapes)]
     filled = sorted(filled_planes(mesh, found.tolerance), key=lambda one: -one[0].area)
-    added = list[tuple[Shape, Floats]]()
+    added = list[Surface]()
     for plane, X in filled:
         there = (*found.shapes, *(p for p, _ in added))
         if any(_on(s, plane, X, found.tolerance) for s in there):
             continue
         if not any(_faces(p, Y, plane, X, found) for p, Y in added):
             added.append((plane, X))
-    return out + added, len(added)
+    return out, added
 
 
 def _faces(a: Shape, A: Floats, b: Shape, B: Floats, found: ShapeSet) -> bool:
