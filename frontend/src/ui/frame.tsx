@@ -60,11 +60,11 @@ function PaletteDialog() {
   const [words, setWords] = useState("");
   const [at, setAt] = useState(0);
   const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
-  const all = useMemo(() => {
-    const named = [...allCommands(), ...commandsElsewhere()];
-    return [...named, ...onThisPage(new Set(named.map(({ title }) => title)))];
-  }, []);
-  const found = all.filter(({ title, group }) =>
+  // What the server offers may come while the list is shown: it is in it then.
+  const named = [...allCommands(), ...commandsElsewhere()];
+  const titles = named.map(({ title }) => title);
+  const onPage = useMemo(() => onThisPage(new Set(titles)), [titles.join("\n")]);
+  const found = [...named, ...onPage].filter(({ title, group }) =>
     wanted.every((word) => `${title} ${group}`.toLowerCase().includes(word)),
   );
   const run = (command: Command | undefined) => {
