@@ -21,10 +21,19 @@ from tests.needs import needs
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.arrays import Floats
 from turnscan.cli import main, turnscan
-from turnscan.drawings import Colour, Solid, StepPart, read_step, write_step
+from turnscan.drawings import (
+    Colour,
+    ShellMaker,
+    Solid,
+    StepPart,
+    read_step,
+    write_step,
+)  # fmt: skip
 from turnscan.errors import ExportError
 from turnscan.formats import read_about, write_ply
 from turnscan.mesh import Mesh, submesh
+from turnscan.progress import Cancelled, Progress
+from turnscan.shapes.patches import Bordering, Charting
 from turnscan.workflows import _shapes_step
 from turnscan.workflows._reading import step_findings
 from turnscan.workflows._shapes import FoundShapes, find_shapes
@@ -248,13 +257,52 @@ def test_no_solid_of_splines_contradicts_the_volume_of_the_mesh(
     assert wanted in finding.message
 
 
-def test_where_no_surface_fits_triangles_close_the_solid(tmp_path: Path) -> None:
-    needs("OpenCASCADE")
+def _rough() -> Mesh:
+    """A lumpy body with a patch that no surface fits."""
     mesh, _ = _lumpy(0.01, 36)
     rough = np.flatnonzero(np.linalg.norm(mesh.vertices - mesh.vertices[1300], axis=1) < 4)
     X = mesh.vertices.copy()
     X[rough] *= 1 + np.random.default_rng(3).normal(0, 0.015, (len(rough), 1))
-    found = find_shapes(replace(mesh, vertices=X), tolerance=0.05)
+    return replace(mesh, vertices=X)
+
+
+def test_edges_and_faces_that_are_known_are_those_that_would_be_made_anew() -> None:
+    needs("OpenCASCADE")
+    mesh = _rough()
+    cutting = Charting(mesh, find_shapes(mesh, tolerance=0.05).found)
+    tracing, maker, charts = Bordering(mesh), ShellMaker(), cutting.charts()
+    for _ in range(3):
+        borders, fresh = tracing.borders(charts), Bordering(mesh).borders(charts)
+        for loops, others in zip(borders.loops, fresh.loops, strict=True):
+            a, b = ([borders_of.edges[e] for loop in some for e, _ in loop]
+                    for borders_of, some in ((borders, loops), (fresh, others)))  # fmt: skip
+            ends = sorted(tuple(np.round(e.places()[[0, -1]].sum(axis=0), 6)) for e in a)
+            assert ends == sorted(tuple(np.round(e.places()[[0, -1]].sum(axis=0), 6)) for e in b)
+        assert maker.bad(charts, borders) == maker.shell(charts, fresh).bad
+        seen = {id(e) for e in borders.edges}
+        whole = {*charts.label.tolist()} - charts.facets
+        charts = cutting.finer(charts, [min(whole), max(whole)])
+        again = {id(e) for e in tracing.borders(charts).edges}
+        assert 0.5 * len(seen) < len(seen & again) < len(seen)
+
+
+def test_making_a_solid_tells_how_far_it_is_and_can_be_cancelled(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
+    found = find_shapes(_rough(), tolerance=0.05)
+    told = list[float]()
+    late = Progress(lambda fraction, _: told.append(fraction), lambda: len(told) > 3)
+    with pytest.raises(Cancelled):
+        found.save(tmp_path / "part.step", progress=late)
+    assert not list(tmp_path.iterdir())
+    found.save(tmp_path / "part.step", progress=Progress(lambda fraction, _: told.append(fraction)))
+    assert told[4:] == sorted(told[4:])
+    assert len(told) > 8
+
+
+def test_where_no_surface_fits_triangles_close_the_solid(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
+    mesh = _rough()
+    found = find_shapes(mesh, tolerance=0.05)
     step = found.step
     assert step.solid, step.findings
     alone = step.figures["faces_triangles"]

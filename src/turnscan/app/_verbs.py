@@ -326,9 +326,11 @@ def _measure(given: Given) -> Outcome:
 
 
 def _shapes(given: Given) -> Outcome:
-    w.check_step(given.outputs["outputs"])
-    found = w.find_shapes(given.path("part"), given.of(w.ShapesOptions), progress=given.progress)
-    remarks = found.save(*given.outputs["outputs"])
+    files = given.outputs["outputs"]
+    share = 0.3 if w.check_step(files) else 1.0
+    told, rest = given.progress.subrange(0, share), given.progress.subrange(share, 1)
+    found = w.find_shapes(given.path("part"), given.of(w.ShapesOptions), progress=told)
+    remarks = found.save(*files, progress=rest)
     for path in given.outputs["report"]:
         found.save_report(path)
     return Outcome(str(found), [*found.findings, *remarks], json.dumps(found.figures(), indent=1))

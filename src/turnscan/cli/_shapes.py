@@ -38,10 +38,11 @@ def verb(
         workflows.check_output(path, workflows.SHAPES_SUFFIXES, inputs=[part])
     if report is not None:
         workflows.check_output(report, workflows.DIMENSION_SUFFIXES, inputs=[part])
-    workflows.check_step(outputs)
     with progress_bar() as progress:
-        found = workflows.find_shapes(part, options, progress=progress)
-    tell_findings((*found.findings, *found.save(*outputs)))
+        share = 0.3 if workflows.check_step(outputs) else 1.0
+        found = workflows.find_shapes(part, options, progress=progress.subrange(0, share))
+        remarks = found.save(*outputs, progress=progress.subrange(share, 1))
+    tell_findings((*found.findings, *remarks))
     if report is not None:
         found.save_report(report)
     tell_found(found, as_json, written)

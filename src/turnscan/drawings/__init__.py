@@ -7,7 +7,7 @@ from turnscan.drawings._facets import Facets
 from turnscan.drawings._json import section_report, write_section_json
 from turnscan.drawings._revolved import revolved_solid
 from turnscan.drawings._sheet import found
-from turnscan.drawings._shell import Shell, shell_of
+from turnscan.drawings._shell import Shell, ShellMaker
 from turnscan.drawings._solid import ANALYTIC, Solid, check_opencascade, solid_of
 from turnscan.drawings._step import StepPart, read_step, write_step
 from turnscan.drawings._svg import draw_section, write_section_pdf, write_section_svg
@@ -17,6 +17,7 @@ __all__ = [
     "Colour",
     "Facets",
     "Shell",
+    "ShellMaker",
     "Solid",
     "StepPart",
     "check_opencascade",
@@ -25,7 +26,6 @@ __all__ = [
     "read_step",
     "revolved_solid",
     "section_report",
-    "shell_of",
     "solid_of",
     "with_sigma",
     "write_section_dxf",

@@ -43,6 +43,8 @@ class Shell:
     """0 where the faces do not close."""
     bad: frozenset[int]
     """Charts whose face is off its edges, or has faults by OpenCASCADE; ``whole`` lacks them."""
+    volume: float = np.nan
+    """mm³ of the solids."""
 
     def faults(self) -> frozenset[int]:
         """Charts whose face has faults when it is written as STEP and read back."""
@@ -51,43 +53,51 @@ class Shell:
     def solid(self) -> Solid:
         """The part, to be written."""
         splines = "B-spline solid" if self.solids else "B-spline shell"
-        volume = volume_of(self.whole) if self.solids else np.nan
-        return Solid(self.whole, volume, len(self.charts), self.solids, splines)
+        return Solid(self.whole, self.volume, len(self.charts), self.solids, splines)
 
 
-def shell_of(charts: Charts, borders: Borders) -> Shell:
-    """The faces of charts that have a surface, trimmed by their borders.
+class ShellMaker:
+    """Makes the faces of charts that have a surface, trimmed by their borders.
 
-    Raises InputError where OpenCASCADE is not installed.
+    Of faces that it has seen it knows whether they are sound: where some charts are cut finer, the
+    others are not made anew to tell.
     """
-    check_opencascade()
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepCheck import BRepCheck_Analyzer
 
-    builder = BRep_Builder()
-    vertices = _vertices(builder, borders)
-    edges = [_edge(builder, e, vertices) for e in borders.edges]
-    made = dict[int, Any]()
-    patches = list(charts.patches)
-    for k in charts.facets:
-        patches[k] = _facet(borders, k)
-    for k, (patch, loops) in enumerate(zip(patches, borders.loops, strict=True)):
-        if patch is not None:
-            made[k] = _face(builder, patch, loops, borders, edges)
-    bad = frozenset(
-        k
-        for k, f in made.items()
-        if _gap(charts.patches[k], borders.loops[k], borders) > _WIDE * charts.tolerance
-        or not BRepCheck_Analyzer(f).IsValid()
-    )
-    kept = [k for k in made if k not in bad]
-    uses = np.zeros(len(edges), dtype=int)
-    for k in kept:
-        for loop in borders.loops[k]:
-            np.add.at(uses, [e for e, _ in loop], 1)
-    if kept and bool((uses[uses > 0] == 2).all()):
-        return _closed(builder, kept, made, borders, bad)
-    return Shell(tuple(kept), _sewn(builder, [made[k] for k in kept]), 0, bad)
+    def __init__(self) -> None:
+        """Raises InputError where OpenCASCADE is not installed."""
+        check_opencascade()
+        self._sound = dict[tuple[Any, ...], bool]()
+        self._seen = set[Border]()
+        """Kept, so that no other edge gets the identity of one."""
+
+    def bad(self, charts: Charts, borders: Borders) -> frozenset[int]:
+        """The charts whose face is off its edges, or has faults by OpenCASCADE."""
+        self._seen.update(borders.edges)
+        names = {
+            k: (k, *((id(borders.edges[e]), way) for loop in loops for e, way in loop))
+            for k, loops in enumerate(borders.loops)
+            if loops
+        }
+        making = _Making(charts, borders)
+        fresh = [k for k, name in names.items() if name not in self._sound]
+        made = {k: face for k in fresh if (face := making.face(k)) is not None}
+        self._sound |= {names[k]: making.is_sound(k, face) for k, face in made.items()}
+        return frozenset(k for k, name in names.items() if not self._sound.get(name, True))
+
+    def shell(self, charts: Charts, borders: Borders) -> Shell:
+        """All sound faces, sharing their edges."""
+        making = _Making(charts, borders)
+        faces = {k: making.face(k) for k, loops in enumerate(borders.loops) if loops}
+        made = {k: face for k, face in faces.items() if face is not None}
+        bad = frozenset(k for k, face in made.items() if not making.is_sound(k, face))
+        kept = [k for k in made if k not in bad]
+        uses = np.zeros(len(borders.edges), dtype=int)
+        for k in kept:
+            for loop in borders.loops[k]:
+                np.add.at(uses, [e for e, _ in loop], 1)
+        if kept and bool((uses[uses > 0] == 2).all()):
+            return _closed(making.builder, kept, made, borders, bad)
+        return Shell(tuple(kept), _sewn(making.builder, [made[k] for k in kept]), 0, bad)
 
 
 def _closed(
@@ -119,7 +129,7 @@ def _closed(
         builder.MakeCompound(whole)
         for solid in solids:
             builder.Add(whole, solid)
-    return Shell(tuple(order), whole, len(solids), bad)
+    return Shell(tuple(order), whole, len(solids), bad, sum(volumes))
 
 
 def _bodies(kept: Sequence[int], borders: Borders) -> list[list[int]]:
@@ -163,13 +173,6 @@ def _sewn(builder: Any, faces: Sequence[Any]) -> Any:
     return shell
 
 
-def _facet(borders: Borders, chart: int) -> FlatPatch | None:
-    """The plane of a chart that is one triangle."""
-    [loop] = borders.loops[chart]
-    ends = (borders.edges[k].first if forward else borders.edges[k].last for k, forward in loop)
-    return flat_patch(borders.nodes[list(ends)])
-
-
 def _gap(
     patch: Patch | None, loops: Sequence[Sequence[tuple[int, bool]]], borders: Borders
 ) -> float:
@@ -178,65 +181,89 @@ def _gap(
     return max((float(patch.gaps(c.places()).max()) for c in curves if patch), default=0.0)
 
 
-def _vertices(builder: Any, borders: Borders) -> list[Any]:
-    from OCP.gp import gp_Pnt
-    from OCP.TopoDS import TopoDS_Vertex
+class _Making:
+    """Makes faces of charts; those that are made share their edges and vertices."""
 
-    tolerance = np.full(len(borders.nodes), _LEAST)
-    for e in borders.edges:
-        for node in (e.first, e.last):
-            tolerance[node] = max(tolerance[node], _ROOM * e.apart)
-    out = []
-    for x, t in zip(borders.nodes, tolerance, strict=True):
-        vertex = TopoDS_Vertex()
-        builder.MakeVertex(vertex, gp_Pnt(*map(float, x)), 2 * float(t))
-        out.append(vertex)
-    return out
+    def __init__(self, charts: Charts, borders: Borders) -> None:
+        from OCP.BRep import BRep_Builder
 
+        self.charts, self.borders, self.builder = charts, borders, BRep_Builder()
+        self.edges, self.vertices = dict[int, Any](), dict[int, Any]()
+        self.tolerance = np.full(len(borders.nodes), _LEAST)
+        for e in borders.edges:
+            for node in (e.first, e.last):
+                self.tolerance[node] = max(self.tolerance[node], _ROOM * e.apart)
 
-def _edge(builder: Any, e: Border, vertices: Sequence[Any]) -> Any:
-    from OCP.Geom import Geom_BSplineCurve
-    from OCP.gp import gp_Pnt
-    from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
-    from OCP.TopoDS import TopoDS_Edge
+    def face(self, chart: int) -> Any | None:
+        """The face of a chart, its normal outward; None where it has no surface."""
+        from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
+        from OCP.TopLoc import TopLoc_Location
+        from OCP.TopoDS import TopoDS_Face, TopoDS_Wire
 
-    poles = [gp_Pnt(*map(float, p)) for p in e.control]
-    curve = Geom_BSplineCurve(_array("gp_Pnt", poles), *_knots(e.knots), e.degree)
-    edge = TopoDS_Edge()
-    builder.MakeEdge(edge, curve, max(_LEAST, _ROOM * e.apart))
-    builder.Add(edge, vertices[e.first].Oriented(TopAbs_FORWARD))
-    builder.Add(edge, vertices[e.last].Oriented(TopAbs_REVERSED))
-    builder.Range(edge, float(e.knots[0]), float(e.knots[-1]))
-    return edge
+        patch = self._patch(chart)
+        if patch is None:
+            return None
+        surface, inside_out = _surface(patch)
+        place, face, builder = TopLoc_Location(), TopoDS_Face(), self.builder
+        builder.MakeFace(face, surface, place, _LEAST)
+        for loop in self.borders.loops[chart]:
+            wire = TopoDS_Wire()
+            builder.MakeWire(wire)
+            for k, forward in loop[::-1] if inside_out else loop:
+                border, edge = self.borders.edges[k], self._edge(k)
+                flat, apart = _flat(border, patch)
+                tolerance = max(_LEAST, _ROOM * max(border.apart, apart))
+                builder.UpdateEdge(edge, flat, surface, place, tolerance)
+                builder.SameRange(edge, True)
+                builder.SameParameter(edge, True)
+                way = TopAbs_FORWARD if forward != inside_out else TopAbs_REVERSED
+                builder.Add(wire, edge.Oriented(way))
+            wire.Closed(True)
+            builder.Add(face, wire)
+        return face.Reversed() if inside_out else face
 
+    def is_sound(self, chart: int, face: Any) -> bool:
+        """Whether a face is near its edges, and OpenCASCADE finds no fault."""
+        from OCP.BRepCheck import BRepCheck_Analyzer
 
-def _face(
-    builder: Any, patch: Patch, loops: Sequence[Sequence[tuple[int, bool]]], borders: Borders,
-    edges: Sequence[Any],
-) -> Any:  # fmt: skip
-    """A face, its normal outward."""
-    from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Wire
+        gap = _gap(self.charts.patches[chart], self.borders.loops[chart], self.borders)
+        return gap <= _WIDE * self.charts.tolerance and BRepCheck_Analyzer(face).IsValid()
 
-    surface, inside_out = _surface(patch)
-    place, face = TopLoc_Location(), TopoDS_Face()
-    builder.MakeFace(face, surface, place, _LEAST)
-    for loop in loops:
-        wire = TopoDS_Wire()
-        builder.MakeWire(wire)
-        for k, forward in loop[::-1] if inside_out else loop:
-            border = borders.edges[k]
-            flat, apart = _flat(border, patch)
-            tolerance = max(_LEAST, _ROOM * max(border.apart, apart))
-            builder.UpdateEdge(edges[k], flat, surface, place, tolerance)
-            builder.SameRange(edges[k], True)
-            builder.SameParameter(edges[k], True)
-            way = TopAbs_FORWARD if forward != inside_out else TopAbs_REVERSED
-            builder.Add(wire, edges[k].Oriented(way))
-        wire.Closed(True)
-        builder.Add(face, wire)
-    return face.Reversed() if inside_out else face
+    def _patch(self, chart: int) -> Patch | None:
+        """Its surface; of a chart that is one triangle, the plane of that."""
+        if chart not in self.charts.facets:
+            return self.charts.patches[chart]
+        [loop] = self.borders.loops[chart]
+        edges = self.borders.edges
+        ends = [edges[k].first if forward else edges[k].last for k, forward in loop]
+        return flat_patch(self.borders.nodes[ends])
+
+    def _edge(self, number: int) -> Any:
+        from OCP.Geom import Geom_BSplineCurve
+        from OCP.gp import gp_Pnt
+        from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
+        from OCP.TopoDS import TopoDS_Edge
+
+        if number not in self.edges:
+            e = self.borders.edges[number]
+            poles = [gp_Pnt(*p) for p in e.control.tolist()]
+            curve = Geom_BSplineCurve(_array("gp_Pnt", poles), *_knots(e.knots), e.degree)
+            self.edges[number] = edge = TopoDS_Edge()
+            self.builder.MakeEdge(edge, curve, max(_LEAST, _ROOM * e.apart))
+            self.builder.Add(edge, self._vertex(e.first).Oriented(TopAbs_FORWARD))
+            self.builder.Add(edge, self._vertex(e.last).Oriented(TopAbs_REVERSED))
+            self.builder.Range(edge, float(e.knots[0]), float(e.knots[-1]))
+        return self.edges[number]
+
+    def _vertex(self, node: int) -> Any:
+        from OCP.gp import gp_Pnt
+        from OCP.TopoDS import TopoDS_Vertex
+
+        if node not in self.vertices:
+            self.vertices[node] = vertex = TopoDS_Vertex()
+            x = gp_Pnt(*self.borders.nodes[node].tolist())
+            self.builder.MakeVertex(vertex, x, 2 * float(self.tolerance[node]))
+        return self.vertices[node]
 
 
 def _flat(border: Border, patch: Patch) -> tuple[Any, float]:
@@ -310,8 +337,10 @@ def _analytic(patch: ShapePatch) -> Any:
 
 def _knots(knots: Floats) -> tuple[Any, Any]:
     """Knots as OpenCASCADE takes them: each once, and how often it counts."""
-    at, many = np.unique(knots, return_counts=True)
-    return _array("double", at.tolist()), _array("int", many.tolist())
+    many = dict[float, int]()
+    for t in knots.tolist():
+        many[t] = many.get(t, 0) + 1
+    return _array("double", [*many]), _array("int", [*many.values()])
 
 
 def _array(kind: str, values: Sequence[Any]) -> Any:

@@ -25,14 +25,28 @@ _FINE = 2e-5
 
 
 @dataclass(frozen=True, eq=False)
-class StepPart:
-    """What a STEP file holds, as OpenCASCADE reads it."""
+class StepBodies:
+    """The solids that a STEP file holds, as OpenCASCADE reads it."""
 
     solids: int
     valid: bool
     """Whether OpenCASCADE finds no fault in it."""
     volume: float
     """mm³."""
+
+    @staticmethod
+    def of(data: bytes) -> StepBodies:
+        """Of a STEP file, without its faces.
+
+        Raises InputError where OpenCASCADE is not installed, FormatError where it cannot read it.
+        """
+        return _bodies(_shape_in(data))
+
+
+@dataclass(frozen=True, eq=False)
+class StepPart(StepBodies):
+    """What a STEP file holds, with its faces."""
+
     mesh: Mesh
     """Its faces as triangles, mm; they hang together where the faces share edges."""
     shapes: tuple[Shape, ...]
@@ -94,6 +108,10 @@ def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> by
     return b"\n".join([first, b"/*", *(line.encode("ascii") for line in lines), b"*/", rest])
 
 
+def _bodies(shape: Any) -> StepBodies:
+    return StepBodies(len(parts_of(shape, "solid")), _is_valid(shape), volume_of(shape))
+
+
 def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     """What a STEP file holds; curved faces become facets within ``deflection`` mm of them.
 
@@ -102,16 +120,14 @@ def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     Raises InputError where OpenCASCADE is not installed, FormatError where it cannot read the file.
     """
     shape = _shape_in(data)
-    solids = parts_of(shape, "solid")
-    valid = _is_valid(shape)
-    volume = volume_of(shape)
+    what = _bodies(shape)
     if deflection is None:
         deflection = max(_FINE * extent_of(shape), 1e-9)
     facets = facets_of(shape, deflection)
     shapes, number = merged(facets.surfaces)
     return StepPart(
-        len(solids), valid, volume, facets.mesh, shapes, number[facets.face], facets.lost,
-        len(parts_of(shape, "face")),
+        what.solids, what.valid, what.volume, facets.mesh, shapes, number[facets.face],
+        facets.lost, len(parts_of(shape, "face")),
     )  # fmt: skip
 
 

@@ -70,11 +70,16 @@ def _off(plane: Shape, points: Floats) -> float:
 def merged(surfaces: Sequence[Shape | None]) -> tuple[tuple[Shape, ...], Ints]:
     """The different surfaces, the largest first, and (n,) which of them each is; −1 for None."""
     groups: list[list[int]] = []
+    axes = np.zeros((len(surfaces), 3))
     for k, s in enumerate(surfaces):
         if s is None:
             continue
-        same = next((g for g in groups if _same(surfaces[g[0]], s)), None)
+        alike = np.arange(len(groups))
+        if s.kind != "sphere":
+            alike = np.flatnonzero(np.abs(axes[: len(groups)] @ s.axis) > 1 - _SAME)
+        same = next((groups[g] for g in alike if _same(surfaces[groups[g][0]], s)), None)
         if same is None:
+            axes[len(groups)] = s.axis
             groups.append([k])
         else:
             same.append(k)

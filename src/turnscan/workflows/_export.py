@@ -79,17 +79,20 @@ def export(
     if "profiles" in chosen.dxf_forms:
         raise InputError("a mesh file holds no profiles", hint="reconstruct the scan with them")
     steps = [path for path in map(Path, paths) if is_step(path)]
-    check_step(steps)
-    loaded = load(source, progress=progress.subrange(0, 0.7))
+    most = 0.3 if check_step(steps) else 0.7
+    loaded = load(source, progress=progress.subrange(0, most))
     mesh, findings = loaded.mesh, list(loaded.findings)
     if decimate is not None:
         fewer, dense = decimation(decimate), mesh
-        told = progress.subrange(0.7, 1, "decimating")
+        told = progress.subrange(most, most + 0.3, "decimating")
         mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, progress=told)
         findings += thinning.decimation_findings(dense, mesh, fewer.faces)
     mesh = settled(mesh)
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
-    solid = step_of(mesh, find_shapes(mesh), loaded.name, about) if steps else None
+    solid = None
+    if steps:
+        told = progress.subrange(most + 0.3, 1)
+        solid = step_of(mesh, find_shapes(mesh), loaded.name, about, told)
     rest = [path for path in map(Path, paths) if not is_step(path)]
     remarks = save(dict.fromkeys(rest, mesh), replace(chosen, about=about))
     if solid is not None:

@@ -113,14 +113,18 @@ class FoundShapes:
         Raises InputError where OpenCASCADE is not installed, ExportError where the file does not
         read back the same.
         """
-        about = {"source": Path(self.name).name, **self.about}
-        return step_of(self.mesh, self.found, self.name, about)
+        return self._step(no_progress)
 
-    def save(self, *paths: str | Path) -> list[Finding]:
+    def _step(self, progress: Progress) -> StepFile:
+        about = {"source": Path(self.name).name, **self.about}
+        return step_of(self.mesh, self.found, self.name, about, progress)
+
+    def save(self, *paths: str | Path, progress: Progress = no_progress) -> list[Finding]:
         """Write the coloured mesh (.ply or .glb) or a solid (.step, .stp, .igs or .iges).
 
         Raises InputError for another suffix, and for a solid where OpenCASCADE is not installed;
-        ExportError where a file cannot be written, and for IGES where not all of it has a surface.
+        ExportError where a file cannot be written, and for IGES where not all of it has a surface;
+        Cancelled where ``progress``, told how far a solid is, says so.
         """
         for path in map(Path, paths):
             if path.suffix.lower() not in SHAPES_SUFFIXES:
@@ -129,6 +133,8 @@ class FoundShapes:
                     hint=f"choose one of {' '.join(SHAPES_SUFFIXES)}",
                 )
         solids = [path for path in map(Path, paths) if is_step(path) or is_iges(path)]
+        if solids and _made(self) is None:
+            vars(self)["step"] = self._step(progress)
         made = {path: self._solid(path) for path in solids}
         remarks = list(self.step.findings) if made else []
         rest = [path for path in map(Path, paths) if path not in made]

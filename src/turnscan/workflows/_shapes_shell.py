@@ -2,42 +2,51 @@
 
 from __future__ import annotations
 
-from turnscan.drawings import Shell, shell_of
+from turnscan.drawings import Shell, ShellMaker
 from turnscan.mesh import Mesh
-from turnscan.shapes.patches import Charting, Charts, borders_of
+from turnscan.progress import Progress, no_progress
+from turnscan.shapes.patches import Bordering, Charting, Charts
 from turnscan.shapes.primitives import ShapeSet
 
 _ROUNDS = 40
 _MOST = 30_000
+_CUT, _TRACED, _LESS = 0.1, 0.6, 0.8
+"""Shares of the work that are done when charts are cut, and when edges are traced; each round of
+those takes some part of what is left."""
 _SHARE = 0.5
 """Of the faces of a mesh, and in all: with more facets it is a mesh and no drawing. A facet takes
 some 2 KB in a file."""
 
 
-def shell_under(mesh: Mesh, found: ShapeSet) -> tuple[Shell, Charts]:
+def shell_under(
+    mesh: Mesh, found: ShapeSet, progress: Progress = no_progress
+) -> tuple[Shell, Charts]:
     """Faces on the charts of a mesh, sewn by the edges that they share.
 
     Where a face is off its edges or has faults, here or read back, its edges follow the mesh. Where
     that does not help, its chart is cut finer. What is then too small becomes facets, so that the
     shell still closes; unless these were most of the mesh.
     """
-    cutting = Charting(mesh, found)
-    charts = cutting.charts()
-    along_mesh = frozenset[int]()
+    progress(0.0, "laying surfaces under the part")
+    cutting, tracing, maker = Charting(mesh, found), Bordering(mesh), ShellMaker()
+    charts, along_mesh = cutting.charts(), frozenset[int]()
     most = min(_MOST, int(_SHARE * len(mesh.faces)))
-    for _ in range(_ROUNDS):
-        used = charts
-        shell = shell_of(used, borders_of(mesh, used, along_mesh))
-        bad = shell.bad - used.facets
-        bare = frozenset(used.label.tolist()) - {*shell.charts} - shell.bad - used.facets
+    for turn in range(_ROUNDS):
+        progress(_CUT + (_TRACED - _CUT) * (1 - _LESS**turn), "tracing the edges of faces")
+        used, borders = charts, tracing.borders(charts, along_mesh)
+        told = frozenset(used.label.tolist()) - used.facets
+        bare = frozenset(k for k in told if used.patches[k] is None)
+        bad = maker.bad(used, borders) - used.facets
         if not bad and not bare:
-            bad = shell.faults() - used.facets
+            progress(_TRACED, "making the faces and reading them back")
+            shell = maker.shell(used, borders)
+            bad = (shell.bad or shell.faults()) - used.facets
         worse = (bad & along_mesh) | bare
         if not bad and not worse:
-            break
+            return shell, used
         along_mesh |= bad
         if worse:
             charts = cutting.finer(used, worse)
         if len(charts.facets) > most:
             break
-    return shell, used
+    return maker.shell(used, borders), used

@@ -15,6 +15,7 @@ from turnscan.drawings import (
     ANALYTIC,
     Facets,
     Solid,
+    StepPart,
     check_opencascade,
     read_step,
     solid_of,
@@ -23,9 +24,10 @@ from turnscan.drawings import (
 from turnscan.errors import ExportError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, is_closed, measured_vertices, submesh
+from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.shapes import volume_sigma
-from turnscan.shapes.patches import SplinePatch
+from turnscan.shapes.patches import Charts, ShapePatch, SplinePatch
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_and_distances
 from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
 from turnscan.workflows._shapes_shell import shell_under
@@ -82,10 +84,15 @@ def is_iges(path: Path) -> bool:
     return path.suffix.lower() in IGES_SUFFIXES
 
 
-def check_step(paths: Iterable[Path]) -> None:
-    """Raise InputError, before work is spent, where a solid is wanted and none can be made."""
-    if any(is_step(path) or is_iges(path) for path in paths):
+def check_step(paths: Iterable[Path]) -> bool:
+    """Whether a solid is wanted.
+
+    Raises InputError, before work is spent, where none can be made.
+    """
+    wanted = any(is_step(path) or is_iges(path) for path in paths)
+    if wanted:
         check_opencascade()
+    return wanted
 
 
 def iges_of(solid: Solid, name: str) -> bytes:
@@ -109,7 +116,10 @@ def iges_of(solid: Solid, name: str) -> bytes:
     return data
 
 
-def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object]) -> StepFile:
+def step_of(
+    mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object],
+    progress: Progress = no_progress,
+) -> StepFile:  # fmt: skip
     """A part as STEP AP242, each face in the colour of its deviation.
 
     It is the solid that the shapes close to. Where they do not, it is made of their parts that were
@@ -117,13 +127,14 @@ def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object])
     no surface is within the tolerance.
 
     Raises InputError where OpenCASCADE is not installed, ExportError where the file does not read
-    back the same.
+    back the same; Cancelled where it is no longer wanted.
     """
     check_opencascade()
+    progress(0.0, "closing the shapes to a solid")
     title = Path(name).stem or "part"
     made, why = _analytic(mesh, found)
     if made is None:
-        return _of_patches(mesh, found, title, about, why)
+        return _of_patches(mesh, found, title, about, why, progress.subrange(0.2, 1.0))
     off = face_deviations(made.distance, made.face, made.facets, made.solid.faces)
     file = _written(off, found, made.solid, title, about)
     closing = f", {made.added} of them planes of fillings, not measured" if made.added else ""
@@ -170,9 +181,11 @@ def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
 
 
 def _of_patches(
-    mesh: Mesh, found: ShapeSet, title: str, about: Mapping[str, object], why: str
-) -> StepFile:
-    shell, charts = shell_under(mesh, found)
+    mesh: Mesh, found: ShapeSet, title: str, about: Mapping[str, object], why: str,
+    progress: Progress,
+) -> StepFile:  # fmt: skip
+    shell, charts = shell_under(mesh, found, progress.subrange(0.0, 0.7))
+    progress(0.7, "writing the faces and reading them back")
     if not shell.charts:
         return _triangles(mesh, title, about, f"{why}, and no B-spline is within the tolerance")
     left = ~np.isin(charts.label, shell.charts)
@@ -186,7 +199,7 @@ def _of_patches(
     face[list(shell.charts)] = np.arange(solid.faces)
     on = face[chart] >= 0
     alone = [n for n, k in enumerate(shell.charts) if k in charts.facets]
-    facets = solid.facets(found.tolerance)
+    facets = _on_faces(mesh, charts, face)
     off = face_deviations(distance[on], face[chart[on]], facets, solid.faces, alone)
     try:
         made = _written(off, found, solid, title, about)
@@ -205,13 +218,23 @@ def _of_patches(
     return replace(told, findings=(*told.findings, rest))
 
 
+def _on_faces(mesh: Mesh, charts: Charts, face: Ints) -> Facets:
+    """The triangles of a mesh that lie on faces, by the number of the face (charts,); −1 without
+    one."""
+    number = face[charts.label]
+    own = submesh(mesh, number >= 0)
+    chart = np.flatnonzero(face >= 0)[np.argsort(face[face >= 0])]
+    surfaces = [p.shape if isinstance(p := charts.patches[k], ShapePatch) else None for k in chart]
+    return Facets(own, number[number >= 0], surfaces, range(len(chart)), 0)
+
+
 def _written(
     off: FaceDeviations, found: ShapeSet, solid: Solid, title: str, about: Mapping[str, object]
 ) -> StepFile:
     """The file of a solid or shell in the colours of its faces, read back."""
     solid = replace(solid, colours=off.colours)
     data = write_step(solid, title, {**about, "face_colours": str(off)})
-    part = read_step(data, found.tolerance)
+    part = StepPart.of(data)
     exact = _EXACT if solid.kind == ANALYTIC else _SETTLED
     same = part.solids == solid.solids and part.valid
     if solid.closed:

@@ -1,11 +1,12 @@
 """A mesh as trimmed surfaces: shapes where it has them, B-splines fitted to the rest."""
 
-from turnscan.shapes.patches._borders import Border, Borders, borders_of
+from turnscan.shapes.patches._borders import Border, Bordering, Borders
 from turnscan.shapes.patches._charts import Charting, Charts
 from turnscan.shapes.patches._surfaces import FlatPatch, Patch, ShapePatch, SplinePatch, flat_patch
 
 __all__ = [
     "Border",
+    "Bordering",
     "Borders",
     "Charting",
     "Charts",
@@ -13,6 +14,5 @@ __all__ = [
     "Patch",
     "ShapePatch",
     "SplinePatch",
-    "borders_of",
     "flat_patch",
 ]

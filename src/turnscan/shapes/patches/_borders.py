@@ -48,38 +48,55 @@ class Borders:
     """All edges of some charts, and how they go round each."""
 
     nodes: Floats
-    """(n, 3) mm: where edges end."""
+    """(n, 3) mm: where edges end, or ended the time before."""
     edges: tuple[Border, ...]
     loops: tuple[tuple[tuple[tuple[int, bool], ...], ...], ...]
     """For each chart its loops, the surface on their left: edges, and whether they run forwards."""
 
 
-def borders_of(mesh: Mesh, charts: Charts, faithful: frozenset[int] = frozenset()) -> Borders:
-    """The edges of charts. Those of the charts ``faithful`` follow every side of the mesh, which
-    cannot cross others, where a smooth curve might."""
-    return _Tracing(mesh, charts, faithful).borders()
+class Bordering:
+    """Traces the edges between charts of a mesh, time and again while some charts are cut finer:
+    an edge between charts that stayed is the same object as the time before."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self.nodes = list[Floats]()
+        self.places = dict[tuple[int, tuple[int, ...]], int]()
+        """The node of a vertex with these charts about it."""
+        self.edges = dict[tuple[int, ...], Border]()
+        """The edge from a side of the mesh on, from node to node, between two charts; and whether
+        it follows every side."""
+
+    def borders(self, charts: Charts, faithful: frozenset[int] = frozenset()) -> Borders:
+        """The edges of charts, each of which keeps its surface for as long as it has its number.
+
+        Those of the charts ``faithful`` follow every side of the mesh, which cannot cross others,
+        where a smooth curve might.
+        """
+        return _Tracing(self, charts, faithful).borders()
 
 
 class _Tracing:
-    def __init__(self, mesh: Mesh, charts: Charts, faithful: frozenset[int]) -> None:
-        self.mesh, self.charts, self.faithful = mesh, charts, faithful
-        self.twin = opposite_half_edges(mesh.faces)
+    def __init__(self, before: Bordering, charts: Charts, faithful: frozenset[int]) -> None:
+        self.before, self.mesh = before, before.mesh
+        self.charts, self.faithful = charts, faithful
+        self.twin = opposite_half_edges(self.mesh.faces)
         side = np.arange(len(self.twin))
         self.chart = np.repeat(charts.label, 3)
         other = np.where(self.twin >= 0, self.chart[self.twin], -1)
         self.other = other
         self.rim: Bools = other != self.chart
         self.after = side - side % 3 + (side + 1) % 3
-        self.start = mesh.faces.reshape(-1)
+        self.start = self.mesh.faces.reshape(-1)
         self.name = np.where(self.twin >= 0, np.minimum(side, self.twin), side)
         self.node: dict[int, int] = {}
-        self.nodes = list[Floats]()
         self.edges = list[Border]()
         self.known: dict[int, int] = {}
 
     def borders(self) -> Borders:
         loops = self._loops()
         ends = self._ends(loops)
+        self._set_nodes(ends)
         out: list[list[tuple[tuple[int, bool], ...]]] = [[] for _ in self.charts.patches]
         for loop in loops:
             c = int(self.chart[loop[0]])
@@ -89,7 +106,8 @@ class _Tracing:
             chains = [loop[a:b] for a, b in itertools.pairwise(cuts)]
             out[c].append(tuple(self._edge(chain) for chain in chains))
         loops_of = tuple(tuple(some) for some in out)
-        return Borders(np.array(self.nodes).reshape(-1, 3), tuple(self.edges), loops_of)
+        nodes = np.array(self.before.nodes).reshape(-1, 3)
+        return Borders(nodes, tuple(self.edges), loops_of)
 
     def _loops(self) -> list[Ints]:
         """The sides of the mesh round each chart, one loop after the other."""
@@ -128,36 +146,48 @@ class _Tracing:
                 ends[self.start[loop[(at[0] + len(loop) // 2) % len(loop)]]] = True
         return np.asarray(ends)
 
+    def _set_nodes(self, ends: Bools) -> None:
+        """Put the vertices where edges end onto all surfaces about them."""
+        start, label = _meeting(self.mesh, self.charts.label)
+        fresh, on = list[int](), dict[int, list[int]]()
+        first = len(self.before.nodes)
+        for v in np.flatnonzero(ends).tolist():
+            about = tuple(sorted({*label[start[v] : start[v + 1]].tolist()}))
+            node = self.before.places.setdefault((v, about), first + len(fresh))
+            self.node[v] = node
+            if node == first + len(fresh):
+                for chart in about:
+                    on.setdefault(chart, []).append(len(fresh))
+                fresh.append(v)
+        feet = [
+            (p, np.array(n, np.int32)) for c, n in on.items() if (p := self._patch(c)) is not None
+        ]
+        self.before.nodes += list(_between(self.mesh.vertices[fresh], feet))
+
     def _edge(self, chain: Ints) -> tuple[int, bool]:
         """The edge along a chain of sides, and whether it runs the same way."""
         key = int(self.name[chain].min())
         if key in self.known:
             return self.known[key], False
-        both = [self._patch(int(c)) for c in {int(self.chart[chain[0]]), int(self.other[chain[0]])}]
-        patches = [p for p in both if p is not None]
-        first, last = (
-            self._node(int(v)) for v in (self.start[chain[0]], self.start[self.after[chain[-1]]])
-        )
-        X = self.mesh.vertices[np.r_[self.start[chain], self.start[self.after[chain[-1]]]]]
-        plain = bool({int(self.chart[chain[0]]), int(self.other[chain[0]])} & self.faithful)
-        ends = (self.nodes[first], self.nodes[last])
         self.known[key] = len(self.edges)
-        self.edges.append(_curve(X, ends, first, last, patches, plain))
+        charts = {int(self.chart[chain[0]]), int(self.other[chain[0]])}
+        plain = bool(charts & self.faithful)
+        first, last = (
+            self.node[int(v)] for v in (self.start[chain[0]], self.start[self.after[chain[-1]]])
+        )
+        name = (int(chain[0]), first, last, min(charts), max(charts), plain)
+        edge = self.before.edges.get(name)
+        if edge is None:
+            X = self.mesh.vertices[np.r_[self.start[chain], self.start[self.after[chain[-1]]]]]
+            patches = [p for c in charts if (p := self._patch(c)) is not None]
+            ends = (self.before.nodes[first], self.before.nodes[last])
+            edge = _curve(X, ends, first, last, patches, plain)
+            self.before.edges[name] = edge
+        self.edges.append(edge)
         return self.known[key], True
 
     def _patch(self, chart: int) -> Patch | None:
         return None if chart < 0 else self.charts.patches[chart]
-
-    def _node(self, vertex: int) -> int:
-        if vertex not in self.node:
-            if not self.node:
-                self.meeting = _meeting(self.mesh, self.charts.label)
-            start, label = self.meeting
-            charts = np.unique(label[start[vertex] : start[vertex + 1]])
-            patches = [p for c in charts if (p := self._patch(int(c))) is not None]
-            self.node[vertex] = len(self.nodes)
-            self.nodes.append(_settled(self.mesh.vertices[vertex][None], patches)[0])
-        return self.node[vertex]
 
 
 def _meeting(mesh: Mesh, label: Ints) -> tuple[Ints, Ints]:
@@ -170,9 +200,21 @@ def _meeting(mesh: Mesh, label: Ints) -> tuple[Ints, Ints]:
 
 def _settled(X: Floats, patches: Sequence[Patch]) -> Floats:
     """Points (n, 3) mm moved onto all surfaces, or to the middle between them."""
+    return _between(X, [(p, np.arange(len(X), dtype=np.int32)) for p in patches])
+
+
+def _between(X: Floats, patches: Sequence[tuple[Patch, Ints]]) -> Floats:
+    """Points (n, 3) mm moved onto all of their surfaces, or to the middle between them; each
+    surface is given with the points that it is one of."""
+    many = np.zeros(len(X))
+    for _, own in patches:
+        many[own] += 1
     for _ in range(_ROUNDS if patches else 0):
-        feet = [d[:, None] * n for d, n in (p.offsets(X) for p in patches)]
-        X = X - np.mean(feet, axis=0)
+        feet = np.zeros(X.shape)
+        for patch, own in patches:
+            off, normal = patch.offsets(X[own])
+            feet[own] += off[:, None] * normal
+        X = X - feet / np.maximum(many, 1)[:, None]
     return X
 
 
