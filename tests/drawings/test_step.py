@@ -333,6 +333,16 @@ def test_two_bodies_are_two_solids_and_a_cavity_is_none() -> None:
     assert step.figures["volume_mm3"] == pytest.approx((2 - 0.4**3) * volume, rel=3e-3)
 
 
+def test_a_body_that_faces_inward_within_no_other_is_said_to_be_why_there_is_no_solid() -> None:
+    needs("OpenCASCADE")
+    mesh, _ = _lumpy(0.01, 24)
+    vertices = np.concatenate([mesh.vertices, 0.8 * mesh.vertices + [60.0, 0.0, 0.0]])
+    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + len(mesh.vertices)])
+    step = find_shapes(Mesh(vertices, faces), tolerance=0.05).step
+    assert not step.solid
+    assert "a body of the mesh faces inward and lies within no other" in step.findings[0].message
+
+
 def test_a_floor_that_was_filled_with_the_wall_above_it_closes_the_solid() -> None:
     needs("OpenCASCADE")
     mesh = noisy(_closed(turned(SHAFT, 0.9, AROUND), AROUND), 0.01, 1)

@@ -271,9 +271,12 @@ def _told(
         "colour_width_mm": off.width,
         "face_deviations": off.figures(),
     }
-    where = "where triangles stand" if solid.rest is not None else "as the mesh is"
+    where = "open where triangles stand"
+    if solid.rest is None:
+        inward = "for a body of the mesh faces inward and lies within no other"
+        where = inward if is_closed(mesh) else "open as the mesh is"
     solids = "a valid solid" if solid.solids == 1 else f"{solid.solids} valid solids"
-    what = f"{solids if solid.closed else f'a valid shell, open {where},'} of"
+    what = f"{solids if solid.closed else f'a valid shell, {where},'} of"
     volume = f": {solid.volume:.1f} mm³" if solid.closed else ""
     text = (
         f"{what} {solid.faces} faces{pieces}{volume}; measured points lie {off.rms:.4f} mm (rms) "
