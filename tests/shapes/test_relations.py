@@ -65,3 +65,27 @@ def test_a_plane_keeps_its_turn_about_axes_to_which_it_is_parallel(
     about = turn_of(made.q[plane, 3:6], axis)
     own = made.covariance[7 * plane : 7 * plane + 2, 7 * plane : 7 * plane + 2]
     assert np.sqrt(about @ own @ about) == pytest.approx(TURN, rel=0.05)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**31))
+def test_a_plane_keeps_its_turn_about_normals_that_are_found_to_be_parallel(seed: int) -> None:
+    """One of two normals is hardly known. That both are square to two planes makes them parallel;
+    their difference, which was noise, does not tell how these planes are turned about them."""
+    dice = np.random.default_rng(seed)
+    askew = [0.0872, -0.0157]
+    true = np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], *([1, 0, s] for s in askew)])
+    true = true / np.linalg.norm(true, axis=1, keepdims=True)
+    turns = [(0.01, 0.01, 0.01), (0.02, 0.02, 0.02), (1.25, 0.1, 0.1), (0.02, 0.02, 0.02),
+             (0.14, 1.4, 0.14), (0.04, 0.18, 0.04)]  # fmt: skip
+    shapes, covariance = list[Floats](), np.zeros((42, 42))
+    for k, (normal, turn) in enumerate(zip(true, np.radians(turns), strict=True)):
+        leans = normal + np.cross(turn * np.clip(dice.normal(size=3), -1, 1), normal)
+        shapes.append(shape(np.zeros(3), leans))
+        about = np.cross(np.diag(turn), shapes[-1][3:6]) @ np.stack(frame(shapes[-1][3:6])).T
+        covariance[7 * k : 7 * k + 2, 7 * k : 7 * k + 2] = about.T @ about
+    made = adopt([PLANE] * 6, [1.0] * 6, np.array(shapes), covariance)
+    for k in (4, 5):
+        about = turn_of(made.q[k, 3:6], made.q[1, 3:6])
+        own = made.covariance[7 * k : 7 * k + 2, 7 * k : 7 * k + 2]
+        assert np.degrees(np.sqrt(about @ own @ about)) == pytest.approx(turns[k][1], rel=0.05)

@@ -11,7 +11,7 @@ Squares, 1976, §9). The moves of all relations together must pass the same test
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -31,6 +31,8 @@ _SHARE = 0.02
 _IMPLIED = 1e-5
 """Of its limit: a relation more certain than this is said by others."""
 _ROUNDS = 4
+_SAME = 1e-7
+"""Share of the variance of conditions that no others say: with less they say the same."""
 _TINY = 1e-5
 """rad or mm: step of differences."""
 
@@ -105,7 +107,8 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
 
     A plane parallel to two axes that still differ by their noise would be known about them, too.
     """
-    now = Adopted(q.copy(), covariance.copy(), [], np.array([frame(one[3:6]) for one in q]))
+    start = Adopted(q.copy(), covariance.copy(), [], np.array([frame(one[3:6]) for one in q]))
+    now, taken = replace(start, relations=[]), list[_Candidate]()
     waiting = list(_candidates(kinds, sides, q))
     crossed = [c.of is _square for c in waiting]
     order = sorted(range(len(waiting)), key=lambda k: (crossed[k], _score(now, waiting[k])))
@@ -127,8 +130,52 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
         if not rank:
             continue
         total, spent = trial, spent + rank
+        taken.append(c)
         _take(now, c, move)
-    return now.in_own_frames()
+    return _at_once(start, taken, total, now).in_own_frames()
+
+
+def _at_once(start: Adopted, taken: list[_Candidate], move: Floats, now: Adopted) -> Adopted:
+    """The shapes with all conditions that were taken one after the other, from the beginning.
+
+    What a condition says depends on the shapes. That two planes are square to two others, of which
+    one is hardly known, holds these two parallel; until that was taken, too, their difference,
+    which is noise, told how the first two are turned. With the derivatives at the end it does not.
+    """
+    if not taken:
+        return now
+    C, K, A = start.covariance, np.zeros((len(move), 0)), np.zeros((0, len(move)))
+    for _ in range(2 * _ROUNDS):
+        value, A = _all(start, taken, move)
+        scale = 1 / np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", A, C, A), 1e-300))
+        value, A = value * scale, A * scale[:, None]
+        K = C @ A.T @ np.linalg.pinv(A @ C @ A.T, rcond=_SAME, hermitian=True)
+        move = K @ (A @ move - value)
+    left = C - K @ A @ C
+    left = (left + left.T) / 2
+    np.fill_diagonal(left, np.maximum(np.diagonal(left), 0.0))
+    return replace(now, q=start.moved(move), covariance=left)
+
+
+def _all(start: Adopted, taken: list[_Candidate], move: Floats) -> tuple[Floats, Floats]:
+    """The values of all conditions after a move (7 n,), and their derivatives by it."""
+    values, slopes = list[Floats](), list[Floats]()
+    steps = move.reshape(-1, 7)
+    for c in taken:
+        q = [start._moved_one(k, start.q[k], steps[k]) for k in c.shapes]
+        values.append(c.of(np.array(q)))
+        A = np.zeros((len(values[-1]), len(move)))
+        for i, k in enumerate(c.shapes):
+            for j in range(7):
+                there = list[Floats]()
+                for step in (_TINY, -_TINY):
+                    one = steps[k].copy()
+                    one[j] += step
+                    moved = [*q[:i], start._moved_one(k, start.q[k], one), *q[i + 1 :]]
+                    there.append(c.of(np.array(moved)))
+                A[:, 7 * k + j] = (there[0] - there[1]) / (2 * _TINY)
+        slopes.append(A)
+    return np.concatenate(values), np.concatenate(slopes)
 
 
 def _take(now: Adopted, c: _Candidate, move: Floats) -> None:
