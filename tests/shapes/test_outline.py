@@ -152,6 +152,21 @@ def test_a_freeform_section_is_a_spline_without_invented_arcs(seed: int) -> None
     assert np.linalg.norm(o.pieces[0].start - o.pieces[-1].end) < 1e-9
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("waves", "height"), [(9, 0.9), (12, 0.6), (14, 0.35)])
+def test_a_wavy_section_is_splines_however_rough_its_points(
+    seed: int, waves: int, height: float
+) -> None:
+    """Each stretch of a wave is as well a line or an arc, as far as its own few points tell."""
+    t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    r = 28 + height * np.sin(waves * t + seed) + 2 * np.cos(2 * t)
+    wavy = np.stack([1.1 * r * np.cos(t), r * np.sin(t)], axis=1)
+    [[o]] = fit_outlines([chain_of(_noisy(wavy, 0.08, seed), 0.08)])
+    assert set(_kinds(o)) == {"s"}, _kinds(o)
+    off = np.min([np.abs(p.distances(wavy)) for p in o.pieces], axis=0)
+    assert 0.005 < float(np.sqrt(np.mean(off**2))) < 0.06
+
+
 def test_a_spike_pulls_no_line() -> None:
     clean = along(np.array([[0, 0], [30, 0], [30, 20], [0, 20.0]]), 0.4)
     noisy = _noisy(clean, 0.01, 1)

@@ -27,7 +27,7 @@ from turnscan.shapes._outline_noise import Noise, chain_noise, default_tolerance
 from turnscan.shapes._outline_places import place_numbers
 from turnscan.shapes._outline_rounds import rounded
 from turnscan.shapes._outline_settled import Settled
-from turnscan.shapes._outline_splines import Span, with_splines
+from turnscan.shapes._outline_splines import Span, spline_cost, with_splines
 from turnscan.shapes._section import Chain
 
 Index = npt.NDArray[np.intp]
@@ -265,13 +265,17 @@ def _spans(chain: Chain, scale: Floats, known: bool) -> tuple[list[Span], float]
     m, price = len(x), _prices(scale)
     breaks = np.unique(np.r_[np.arange(0, m, -(-m // _MOST_BREAKS)), m - 1])
     least = 2.0 * float(np.median(scale[np.isfinite(scale)]))
-    gap = min(_GAP * float(np.median(chain.steps)), _WIDEST_GAP * chain.length)
     first, last = np.ascontiguousarray(_places(chain, known).T)
     points = kernels.Points(x, y, 1.0 / scale**2, first, last, np.ascontiguousarray(chain.bulge))
     prices = kernels.Prices(_LINE * price, _ARC * price, _SKIP, _ROUND if known else 4, least)
-    rows, cost = kernels.pieces(points, breaks, prices, gap)
+    rows, cost = kernels.pieces(points, breaks, prices, _gap(chain))
     found: list[Span] = [(("line", "arc")[int(k)], int(i), int(j)) for k, i, j in rows]
     return found or [("line", 0, m - 1)], float(cost)
+
+
+def _gap(chain: Chain) -> float:
+    """mm: a way between two points that is longer is a line, and nothing goes on across it."""
+    return min(_GAP * float(np.median(chain.steps)), _WIDEST_GAP * chain.length)
 
 
 def _alone(chain: Chain, scale: Floats, body: Body) -> float:
@@ -327,6 +331,8 @@ def _rounded(chain: Chain, scale: Floats, noise: Noise, bodies: list[Body]) -> l
 def _freed(chain: Chain, scale: Floats, bodies: list[Body], closed: bool) -> list[Span]:
     """The spans of the bodies, those that a spline says better joined to one.
 
+    A curve that waves about as much as its points scatter falls into many pieces, with corners
+    between them: where some of it is a spline, one spline for all may be likelier than they are.
     Of a closed chain the last may end beyond its last point, which is its first.
     """
     price, m = _prices(scale), len(chain.points)
@@ -342,7 +348,17 @@ def _freed(chain: Chain, scale: Floats, bodies: list[Body], closed: bool) -> lis
         rows = np.where(rows > m - 1, rows - (m - 1), rows)
         return chain.points[rows], scale[rows]
 
-    return [s for s, _ in with_splines(spans, smooth, points, price, m - 1 if closed else 0)]
+    freed = with_splines(spans, smooth, points, price, m - 1 if closed else 0)
+    between = (chain.steps[a.ways[1] : b.ways[0]].sum() for a, b in pairwise(bodies))
+    if (
+        max(between, default=0.0) <= _gap(chain)
+        and len(freed) > 1
+        and any(kind == "spline" for (kind, *_), _ in freed)
+    ):
+        whole: Span = ("spline", 0, m - 1)
+        if spline_cost(*points(0, m - 1), price) < sum(cost for _, cost in freed):
+            return [whole]
+    return [s for s, _ in freed]
 
 
 def _freeform(chain: Chain, bodies: list[Body]) -> bool:

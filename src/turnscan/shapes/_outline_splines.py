@@ -168,7 +168,7 @@ def with_splines(
                 continue
             first, last = a[1], b[2] + (period if k == 0 else 0)
             if (first, last) not in gains:
-                gains[first, last] = _price_of(*points(first, last), price)
+                gains[first, last] = spline_cost(*points(first, last), price)
             gain = cost_a + cost_b - gains[first, last] + _chance(a, b) * price
             if gain > best:
                 best, where, cost = gain, k, gains[first, last]
@@ -184,7 +184,8 @@ def with_splines(
     return spans
 
 
-def _price_of(p: Floats, scale: Floats, price: float) -> float:
+def spline_cost(p: Floats, scale: Floats, price: float) -> float:
+    """What the best spline through points (n, 2) mm costs; infinite where they are too few."""
     if int(np.isfinite(scale).sum()) < _SHORTEST:
         return np.inf
     return best_controls(p, scale, price)[1]
