@@ -89,6 +89,8 @@ def part_of(grid: RangeGrid, steps: slice, rows: slice) -> RangeGrid:
         closed=goes_round(grid.angles[steps]),
         eyes=None if grid.eyes is None else grid.eyes[steps],
         behind=None if grid.behind is None else grid.behind[steps, rows],
+        light_doubt=None if grid.light_doubt is None else grid.light_doubt[steps, rows],
+        halo=None if grid.halo is None else grid.halo[steps, rows],
     )
 
 
