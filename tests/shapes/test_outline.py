@@ -152,6 +152,23 @@ def test_a_freeform_section_is_a_spline_without_invented_arcs(seed: int) -> None
     assert np.linalg.norm(o.pieces[0].start - o.pieces[-1].end) < 1e-9
 
 
+def test_a_corner_whose_points_scatter_more_than_the_rest_is_known_worse() -> None:
+    corners = np.array([[-30, -20], [30, -20], [30, 20], [-30, 20]], dtype=float)
+    points = rounded_polygon(corners, 8.0, 0.5)
+    rough = (points > [22.0, 12.0]).all(axis=1)
+    off, known = list[float](), list[tuple[float, float]]()
+    for seed in range(12):
+        noise = np.random.default_rng(seed).normal(0, 0.03, points.shape)
+        made = points + np.where(rough[:, None], 4.0, 1.0) * noise
+        [[o]] = fit_outlines([chain_of(made, 0.03)], tolerance=0.3)
+        arcs = {bool((p.centre > 0).all()): p for p in o.pieces if isinstance(p, Arc)}
+        off.append((arcs[True].radius - 8.0) / arcs[True].radius_sigma)
+        known.append((arcs[True].radius_sigma, arcs[False].radius_sigma))
+    assert 0.4 < float(np.sqrt(np.mean(np.square(off)))) < 1.5
+    worse, usual = np.median(known, axis=0)
+    assert 1.4 < worse / usual < 6.0
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("waves", "height"), [(9, 0.9), (12, 0.6), (14, 0.35)])
 def test_a_wavy_section_is_splines_however_rough_its_points(

@@ -20,6 +20,8 @@ _NOISE = 4.5
 sure at which point one ends."""
 _EXACT = 0.02
 """Of the tolerance: what is nearer than this is tangent whatever the noise."""
+_CLEAR = 2.0
+"""Standard deviations by which residuals of one body are larger than those of all."""
 _WINDOW = 8
 """Neighbouring points whose residuals are added up to see whether they hang together."""
 _TURN = np.deg2rad(25.0)
@@ -122,7 +124,8 @@ def adjust(
 
     Huber weights. The covariance follows from the noise of the mesh's vertices (`Noise.vertex`),
     each of which moves all points that hang on it; larger where the residuals are larger than it
-    says, and by the residuals alone where the mesh says nothing.
+    says, of all bodies or of one by more than chance, and by the residuals alone where the mesh
+    says nothing.
     """
     total = sum(len(b.p) for b in bodies)
     if not total:
@@ -198,21 +201,24 @@ def _covariances(
 ) -> None:
     total = len(inverse)
     moved = np.zeros((total, noise.vertex.shape[1]))
-    seen = due = 0.0
-    for b, at, pull in zip(bodies, found.starts, found.pulls, strict=False):
-        k = len(b.p)
-        if not k:
+    seen, due = np.zeros(len(bodies)), np.zeros(len(bodies))
+    for n, b in enumerate(bodies):
+        if not len(b.p):
             continue
-        moved[at : at + k] = pull @ noise.vertex[b.rows]
         r, _ = b.residuals(chain, b.p)
         limit = 4.0 * noise.point[b.rows]
-        seen += float((np.clip(r, -limit, limit) ** 2 / noise.point[b.rows] ** 2).sum())
-        due += max(len(b.rows) - k * noise.shared, 0.3 * len(b.rows))
-    move = inverse @ moved
-    ratio = max(seen / max(due, 1e-300), _together(chain, bodies, noise))
+        seen[n] = float((np.clip(r, -limit, limit) ** 2 / noise.point[b.rows] ** 2).sum())
+        due[n] = max(len(b.rows) - len(b.p) * noise.shared, 0.3 * len(b.rows))
+    ratio = max(seen.sum() / max(due.sum(), 1e-300), _together(chain, bodies, noise))
     factor = max(ratio, 1.0) if noise.known else max(ratio, 1e-12)
+    own = seen / np.maximum(due, 1e-300)
+    own[own <= factor * (1.0 + _CLEAR * np.sqrt(2.0 / np.maximum(due, 1e-300)))] = factor
+    for n, (b, at, pull) in enumerate(zip(bodies, found.starts, found.pulls, strict=False)):
+        if len(b.p):
+            moved[at : at + len(b.p)] = np.sqrt(own[n]) * (pull @ noise.vertex[b.rows])
+    move = inverse @ moved
     for b, at in zip(bodies, found.starts, strict=False):
-        b.moves = np.sqrt(factor) * move[at : at + len(b.p)]
+        b.moves = move[at : at + len(b.p)]
 
 
 def _together(chain: Chain, bodies: list[Body], noise: Noise) -> float:
