@@ -219,10 +219,15 @@ def _of_patches(
 
 
 def _on_faces(mesh: Mesh, charts: Charts, face: Ints) -> Facets:
-    """The triangles of a mesh that lie on faces, by the number of the face (charts,); −1 without
+    """The triangles of a mesh moved onto faces, by the number of the face (charts,); −1 without
     one."""
-    number = face[charts.label]
-    own = submesh(mesh, number >= 0)
+    number, X = face[charts.label], mesh.vertices.copy()
+    for k in np.flatnonzero(face >= 0):
+        if (patch := charts.patches[k]) is not None:
+            corners = np.unique(mesh.faces[charts.label == k])
+            off, normal = patch.offsets(X[corners])
+            X[corners] -= off[:, None] * normal
+    own = submesh(replace(mesh, vertices=X), number >= 0)
     chart = np.flatnonzero(face >= 0)[np.argsort(face[face >= 0])]
     surfaces = [p.shape if isinstance(p := charts.patches[k], ShapePatch) else None for k in chart]
     return Facets(own, number[number >= 0], surfaces, range(len(chart)), 0)
