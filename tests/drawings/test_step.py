@@ -33,7 +33,7 @@ from turnscan.errors import ExportError
 from turnscan.formats import read_about, write_ply
 from turnscan.mesh import Mesh, submesh
 from turnscan.progress import Cancelled, Progress
-from turnscan.shapes.patches import Bordering, Charting
+from turnscan.shapes.patches import Border, Bordering, Borders, Charting, Charts, ShapePatch
 from turnscan.workflows import _shapes_step
 from turnscan.workflows._reading import step_findings
 from turnscan.workflows._shapes import FoundShapes, find_shapes
@@ -284,6 +284,55 @@ def test_edges_and_faces_that_are_known_are_those_that_would_be_made_anew() -> N
         charts = cutting.finer(charts, [min(whole), max(whole)])
         again = {id(e) for e in tracing.borders(charts).edges}
         assert 0.5 * len(seen) < len(seen & again) < len(seen)
+
+
+def _flat() -> tuple[Charting, Charts, int, int]:
+    """Charts of a lumpy body with a flat top, the chart of that, and one beside it."""
+    mesh, _ = _lumpy(0.0, 36)
+    mesh = noisy(replace(mesh, vertices=np.minimum(mesh.vertices, [99.0, 99.0, 9.0])), 0.01, 1)
+    cutting = Charting(mesh, find_shapes(mesh, tolerance=0.05).found)
+    charts = cutting.charts()
+    flat = next(k for k, p in enumerate(charts.patches) if isinstance(p, ShapePatch))
+    beside = cutting.beside[charts.label == flat]
+    return cutting, charts, flat, int(max({*charts.label[beside[beside >= 0]].tolist()} - {flat}))
+
+
+def test_a_plane_loses_faces_where_its_border_is_wrong_and_is_given_up_last() -> None:
+    cutting, charts, flat, beside = _flat()
+    assert cutting.first_of(charts, frozenset({flat, beside})) == {beside}
+    assert cutting.first_of(charts, frozenset({flat})) == {flat}
+    own = charts.label == flat
+    plane, middle = charts.patches[flat], cutting.mesh.triangles.mean(axis=1)
+    at = middle[own][int(np.argmax(middle[own][:, 0]))]
+    far = np.linalg.norm(middle - at, axis=1)
+    before, times = own.sum(), 0
+    while times < 8:
+        charts = cutting.finer(charts, [flat], {flat: at[None]})
+        left = [k for k, p in enumerate(charts.patches) if p is plane]
+        if not left:
+            break
+        [flat] = left
+        on = charts.label == flat
+        assert far[on].min() > far[own & ~on].min()
+        assert 0.5 * before < on.sum() < before
+        assert frozenset(charts.label[own & ~on].tolist()) <= charts.facets
+        before, times = on.sum(), times + 1
+    assert 1 < times < 6
+
+
+def test_where_a_border_crosses_itself_or_leaves_its_surface_is_found() -> None:
+    needs("OpenCASCADE")
+    _, charts, flat, _ = _flat()
+    z = float(charts.patches[flat].origin[2])
+    bow = np.array([[0, 0, z], [5, 5, z], [5, 0, z], [0, 5, z], [0, 0, z + 1]], dtype=float)
+    knots = np.array([0.0, 0.0, 7.0, 12.0, 19.0, 24.0, 24.0])
+    border = Border(0, 1, knots, bow, 1, 0.0)
+    loops = [((0, True),) if k == flat else () for k in range(len(charts.patches))]
+    borders = Borders(bow[[0, -1]], (border,), tuple((loop,) if loop else () for loop in loops))
+    places = ShellMaker().wrong_places(charts, borders, flat)
+    assert np.linalg.norm(places - [2.5, 2.5, z], axis=1).min() < 0.1
+    assert np.linalg.norm(places - bow[-1], axis=1).min() < 1e-9
+    assert len(places) == 3
 
 
 def test_making_a_solid_tells_how_far_it_is_and_can_be_cancelled(tmp_path: Path) -> None:

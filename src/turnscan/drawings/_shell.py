@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +84,21 @@ class ShellMaker:
         self._sound |= {names[k]: making.is_sound(k, face) for k, face in made.items()}
         return frozenset(k for k, name in names.items() if not self._sound.get(name, True))
 
+    def wrong_places(self, charts: Charts, borders: Borders, chart: int) -> Floats:
+        """(n, 3) mm: where the border of a chart is off its surface, or crosses itself on it."""
+        patch = charts.patches[chart]
+        lines = [
+            e.control if e.degree == 1 else e.places()
+            for loop in borders.loops[chart]
+            for e in (borders.edges[k] for k, _ in loop)
+        ]
+        if patch is None or not lines:
+            return np.zeros((0, 3))
+        X = np.concatenate(lines)
+        off = X[patch.gaps(X) > _WIDE * charts.tolerance]
+        ends = np.concatenate([np.stack([x[:-1], x[1:]], axis=1) for x in lines])
+        return np.concatenate([off, _crossings(ends, patch.parameters)])
+
     def shell(self, charts: Charts, borders: Borders) -> Shell:
         """All sound faces, sharing their edges."""
         making = _Making(charts, borders)
@@ -98,6 +113,22 @@ class ShellMaker:
         if kept and bool((uses[uses > 0] == 2).all()):
             return _closed(making.builder, kept, made, borders, bad)
         return Shell(tuple(kept), _sewn(making.builder, [made[k] for k in kept]), 0, bad)
+
+
+def _crossings(ends: Floats, parameters: Callable[[Floats], Floats]) -> Floats:
+    """(n, 3) mm: middles of segments (m, 2, 3) that cross others in the parameters of a surface."""
+    uv = parameters(ends.reshape(-1, 3)).reshape(-1, 2, 2)
+    a, b = uv[:, 0], uv[:, 1]
+
+    def side(p: Floats, q: Floats, x: Floats) -> Floats:
+        """On which side of segments from p to q points are."""
+        to, d = x[None] - p[:, None], (q - p)[:, None]
+        return np.asarray(d[..., 0] * to[..., 1] - d[..., 1] * to[..., 0])
+
+    begins, finishes = side(a, b, a), side(a, b, b)
+    parted = begins * finishes < 0
+    cross = parted & parted.T
+    return np.asarray(ends[cross.any(axis=1)].mean(axis=1).reshape(-1, 3))
 
 
 def _closed(

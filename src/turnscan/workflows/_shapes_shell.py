@@ -46,7 +46,9 @@ def shell_under(
             return shell, used
         along_mesh |= bad
         if worse:
-            charts = cutting.finer(used, worse)
+            worse = cutting.first_of(used, worse)
+            places = {k: maker.wrong_places(used, borders, k) for k in worse - bare}
+            charts = cutting.finer(used, worse, places)
         if len(charts.facets) > most:
             break
     return maker.shell(used, borders), used

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,9 @@ _BEYOND = 2
 _CREASE = float(np.cos(np.deg2rad(20.0)))
 """Cosine between faces that share a side, from which on the surface may be creased there."""
 _PASSES = 4
+_TRIMS, _REACH, _MOSTLY = 4, 1.2, 0.7
+"""How often faces about wrong places of its border are taken from a shape, how far away they are at
+first in sides of the mesh, twice as far each time; and the share of its faces that must be left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,8 @@ class Charting:
             sigma = np.where(np.isfinite(told) & (told > 0), told, usual)
         self.sigma = sigma
         self.limit = np.maximum(found.tolerance, 3 * sigma)
+        self.trimmed = dict[int, int]()
+        """How often a shape, by its identity, has lost faces at its border."""
 
     def charts(self) -> Charts:
         """The charts of the mesh.
@@ -100,18 +105,27 @@ class Charting:
                 patches.append(patch)
         return Charts(label, tuple(patches), self.found.tolerance)
 
-    def finer(self, charts: Charts, bad: Iterable[int]) -> Charts:
+    def finer(
+        self, charts: Charts, bad: Iterable[int], places: Mapping[int, Floats] | None = None
+    ) -> Charts:
         """The charts, those that failed cut again; all others keep their number.
 
-        A B-spline takes the place of a shape, two charts that of a B-spline, and where a chart is
-        too small for that, or has no surface, its faces themselves do.
+        A shape loses the faces about the ``places`` (n, 3) mm of its chart where its border is
+        wrong. Where that does not help, a B-spline takes its place, two charts that of a B-spline,
+        and where a chart is too small for that, or has no surface, its faces themselves do.
         """
         label, patches, facets = charts.label.copy(), list(charts.patches), set(charts.facets)
         for c in bad:
             faces = np.flatnonzero(charts.label == c).astype(np.int32)
             was, patches[c] = patches[c], None
             parts: list[Ints] = []
-            if isinstance(was, ShapePatch):
+            kept = self._kept(was, faces, (places or {}).get(c))
+            for some in kept:
+                label[some] = len(patches)
+                patches.append(was)
+            if kept:
+                faces = np.setdiff1d(faces, np.concatenate(kept))
+            elif isinstance(was, ShapePatch):
                 parts = [faces]
             elif was is not None and len(faces) > 2 * _FEW:
                 parts = self._halves(faces)
@@ -127,6 +141,42 @@ class Charting:
             facets.update(range(len(patches), len(patches) + len(alone)))
             patches += [None] * len(alone)
         return Charts(label, tuple(patches), charts.tolerance, frozenset(facets))
+
+    def _kept(self, was: Patch | None, faces: Ints, places: Floats | None) -> list[Ints]:
+        """The pieces of a shape's faces that are away from some places, further each time; none
+        where that leaves little of them, or has been done often."""
+        if not isinstance(was, ShapePatch) or places is None or not len(places):
+            return []
+        from scipy.spatial import cKDTree
+
+        times = self.trimmed.get(id(was), 0)
+        self.trimmed[id(was)] = times + 1
+        t = self.mesh.triangles[faces]
+        reach = _REACH * 2**times * float(np.median(np.linalg.norm(t[:, 0] - t[:, 1], axis=1)))
+        away = np.asarray(cKDTree(places).query(t.reshape(-1, 3))[0]).reshape(-1, 3).min(axis=1)
+        rest = faces[away > reach]
+        if times >= _TRIMS or len(rest) < _MOSTLY * len(faces) or len(rest) == len(faces):
+            return []
+        kind = np.full(len(self.beside), -1, dtype=np.int32)
+        kind[rest] = 0
+        number = self._joined_in(rest, kind)
+        pieces = [rest[number == k] for k in range(int(number.max()) + 1)]
+        return [piece for piece in pieces if len(piece) >= _FEW]
+
+    def first_of(self, charts: Charts, bad: frozenset[int]) -> frozenset[int]:
+        """Of charts that failed those that are to be cut first.
+
+        What is wrong between two charts is wrong with both. A shape stays while a chart beside it
+        fails that is no shape, or a smaller one: the other may be what does not fit.
+        """
+        if len(bad) < 2:
+            return bad
+        size = np.bincount(charts.label, minlength=len(charts.patches))
+        rank = [isinstance(p, ShapePatch) * int(size[k]) for k, p in enumerate(charts.patches)]
+        of, beside = charts.label[:, None], charts.label[self.beside]
+        both = np.isin(of, list(bad)) & np.isin(beside, list(bad)) & (self.beside >= 0)
+        pairs = np.unique(np.stack([np.broadcast_to(of, both.shape)[both], beside[both]]), axis=1)
+        return bad - {a for a, b in pairs.T.tolist() if rank[a] > rank[b]}
 
     def _cut(self, waiting: Sequence[Ints], shape: int) -> Iterator[tuple[Ints, Patch | None]]:
         """Connected pieces, cut until there is a surface under each, or none that is too small."""
