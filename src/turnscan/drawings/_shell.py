@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.drawings._parts import volume_of
 from turnscan.drawings._solid import Solid, check_opencascade
 from turnscan.drawings._step import faults_in_file
@@ -117,18 +117,21 @@ class ShellMaker:
 
 def _crossings(ends: Floats, parameters: Callable[[Floats], Floats]) -> Floats:
     """(n, 3) mm: middles of segments (m, 2, 3) that cross others in the parameters of a surface."""
+    from scipy.spatial import cKDTree
+
     uv = parameters(ends.reshape(-1, 3)).reshape(-1, 2, 2)
-    a, b = uv[:, 0], uv[:, 1]
+    way = uv[:, 1] - uv[:, 0]
+    reach = float(np.linalg.norm(way, axis=1).max(initial=0.0))
+    i, j = cKDTree(uv.mean(axis=1)).query_pairs(reach, output_type="ndarray").T
 
-    def side(p: Floats, q: Floats, x: Floats) -> Floats:
-        """On which side of segments from p to q points are."""
-        to, d = x[None] - p[:, None], (q - p)[:, None]
-        return np.asarray(d[..., 0] * to[..., 1] - d[..., 1] * to[..., 0])
+    def parts(a: Ints, b: Ints) -> Bools:
+        """(n,) whether the ends of segments b lie on both sides of the lines of segments a."""
+        to = uv[b] - uv[a, :1]
+        side = way[a, None, 0] * to[..., 1] - way[a, None, 1] * to[..., 0]
+        return np.asarray(side[:, 0] * side[:, 1] < 0)
 
-    begins, finishes = side(a, b, a), side(a, b, b)
-    parted = begins * finishes < 0
-    cross = parted & parted.T
-    return np.asarray(ends[cross.any(axis=1)].mean(axis=1).reshape(-1, 3))
+    cross = parts(i, j) & parts(j, i)
+    return np.asarray(ends[np.unique(np.concatenate([i[cross], j[cross]]))].mean(axis=1))
 
 
 def _closed(
