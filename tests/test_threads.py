@@ -13,7 +13,10 @@ from turnscan import compiled
 from turnscan.errors import ExportError
 from turnscan.mesh import _crossing_kernels, _topology_kernels
 from turnscan.points import _wholeness_kernels
+from turnscan.shapes import _area_kernels
+from turnscan.stripes import _kernels, _runs_kernels
 from turnscan.surface import _grid_kernels
+from turnscan.surface.fusion import _overlap_kernels
 from turnscan.surface.holes import _patch_kernels
 from turnscan.threads import VARIABLE, in_parts
 from turnscan.workflows import _compile_ahead, _precompile
@@ -37,6 +40,14 @@ def test_surfaces_are_compiled_beforehand() -> None:
         _topology_kernels.opposite_half_edges, _patch_kernels.relax,
     ):  # fmt: skip
         assert kernel.signatures, kernel  # type: ignore[attr-defined]
+
+
+def test_real_pictures_find_their_kernels_compiled() -> None:
+    _precompile._colours()
+    for kernel in (_runs_kernels.find_in_runs, _kernels.detect_lines):
+        assert any("uint16" in str(s) for s in kernel.signatures), kernel  # type: ignore[attr-defined]
+    assert _overlap_kernels.feet.signatures  # type: ignore[attr-defined]
+    assert _area_kernels.smooth_normals.signatures  # type: ignore[attr-defined]
 
 
 def test_a_script_that_guards_nothing_may_compile() -> None:
