@@ -14,7 +14,8 @@ class MeasureOptions(Checked):
     sizes: bool = option(
         False, "switch",
         "Find the shapes of the part and list every size: distances of parallel sides, diameters, "
-        "angles, positions of holes, step heights, flatness, cylindricity.",
+        "angles, positions of holes, step heights, wall thickness, flatness, roundness, "
+        "parallelism, perpendicularity, run-out.",
     )  # fmt: skip
     planes: bool = option(
         False, "switch", "Find planar faces of the part and the angles between them."

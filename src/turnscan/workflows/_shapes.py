@@ -25,10 +25,12 @@ from turnscan.shapes.primitives import (
     Sharpened,
     find_edges,
     form_errors,
+    orientation_errors,
     sharpened,
     sizes_between,
 )
 from turnscan.shapes.primitives import find_shapes as find_in_mesh
+from turnscan.shapes.walls import Walls, wall_thickness
 from turnscan.workflows import _document as doc
 from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._colours import DISTINCT, GREY
@@ -40,7 +42,13 @@ from turnscan.workflows._measured_surface import measured_surface
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
 from turnscan.workflows._shapes_step import StepFile, iges_of, is_iges, is_step, step_of
-from turnscan.workflows._shapes_table import Dimension, dimensions, dimensions_csv, form_in_words
+from turnscan.workflows._shapes_table import (
+    Dimension,
+    dimensions,
+    dimensions_csv,
+    form_in_words,
+    walls_in_words,
+)
 from turnscan.workflows._solid_report import solid_blocks
 
 if TYPE_CHECKING:
@@ -63,7 +71,9 @@ class FoundShapes:
     edges: tuple[Edge, ...] = ()
     """Where neighbouring shapes meet."""
     forms: tuple[FormError, ...] = ()
-    """How flat or round the shapes are."""
+    """How flat or round the shapes are, how parallel or square to each other, and their run-out."""
+    walls: Walls | None = None
+    """How thick the material is, where both of its sides were measured."""
     with_edges: bool = False
     """Whether the mesh that is saved has the true edges."""
 
@@ -79,9 +89,10 @@ class FoundShapes:
                 for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
             ],
             "relations": [_relation(r) for r in f.relations],
-            "sizes": [_size(s) for s in self.sizes],
+            "sizes": [_size(s, f) for s in self.sizes],
             "edges": [_edge(e) for e in self.edges],
             "forms": [_form(f) for f in self.forms],
+            "walls": None if self.walls is None else _walls(self.walls),
         }
 
     def __str__(self) -> str:
@@ -90,7 +101,7 @@ class FoundShapes:
     @property
     def dimensions(self) -> list[Dimension]:
         """The dimension table: sizes, forms, fillets and chamfers, each with its uncertainty."""
-        return dimensions(self.found, self.sizes, self.forms, self.edges)
+        return dimensions(self.found, self.sizes, self.forms, self.edges, self.walls)
 
     @cached_property
     def sharpened(self) -> Sharpened:
@@ -224,7 +235,8 @@ def find_shapes(
         loaded.findings,
         loaded.about,
         find_edges(loaded.mesh, found),
-        form_errors(loaded.mesh, found),
+        (*form_errors(loaded.mesh, found), *orientation_errors(loaded.mesh, found)),
+        wall_thickness(loaded.mesh, moves),
         wanted.edges,
     )
 
@@ -266,9 +278,14 @@ def _relation(r: Relation) -> dict[str, Any]:
     return out
 
 
-def _size(s: ShapeSize) -> dict[str, Any]:
+def _size(s: ShapeSize, found: ShapeSet) -> dict[str, Any]:
     second = [] if s.second is None else [s.second + 1]
-    out: dict[str, Any] = {"kind": s.kind, "shapes": [s.first + 1, *second]}
+    named = s.named(found)
+    out: dict[str, Any] = {
+        "kind": s.kind,
+        **({} if named == s.kind else {"name": named}),
+        "shapes": [s.first + 1, *second],
+    }
     if s.kind in ("angle", "cone angle"):
         out["value_deg"] = float(np.rad2deg(s.value))
         out["sigma_deg"] = float(np.rad2deg(s.sigma))
@@ -296,11 +313,25 @@ def _form(f: FormError) -> dict[str, Any]:
     return {
         "kind": f.kind,
         "shapes": [f.shape + 1],
+        **({} if f.datum is None else {"datum": f.datum + 1}),
         "value_mm": f.value,
         "sigma_mm": f.sigma,
         "noise_alone_mm": f.noise,
         "cells": f.cells,
         "cell_mm": f.side,
+    }
+
+
+def _walls(w: Walls) -> dict[str, Any]:
+    return {
+        "least_mm": w.least,
+        "least_sigma_mm": w.least_sigma,
+        "least_at_mm": w.where.tolist(),
+        "noise_alone_mm": w.noise,
+        "median_mm": w.median,
+        "median_sigma_mm": w.median_sigma,
+        "places": w.places,
+        "share": w.share,
     }
 
 
@@ -330,8 +361,9 @@ def in_words(found: FoundShapes) -> list[str]:
     ]
     lines += [f"{k + 1}: {shape_in_words(s)}" for k, s in enumerate(f.shapes)]
     lines += [relation_in_words(r) for r in f.relations]
-    lines += [size_in_words(s) for s in found.sizes]
-    lines += [form_in_words(f) for f in found.forms]
+    lines += [size_in_words(s, f) for s in found.sizes]
+    lines += [walls_in_words(found.walls)] if found.walls else []
+    lines += [form_in_words(e) for e in found.forms]
     lines += [edge_in_words(e) for e in found.edges]
     return lines
 
@@ -382,12 +414,12 @@ def relation_in_words(r: Relation) -> str:
     return f"{who} (measured {off} off)"
 
 
-def size_in_words(s: ShapeSize) -> str:
+def size_in_words(s: ShapeSize, found: ShapeSet) -> str:
     """A size in a line."""
     who = f"{s.first + 1}" if s.second is None else f"{s.first + 1} and {s.second + 1}"
     if s.kind in ("angle", "cone angle"):
         return f"{who}: {s.kind} {with_sigma(np.rad2deg(s.value), np.rad2deg(s.sigma))}°"
-    return f"{who}: {s.kind} {with_sigma(s.value, s.sigma)} mm"
+    return f"{who}: {s.named(found)} {with_sigma(s.value, s.sigma)} mm"
 
 
 def edge_in_words(e: Edge) -> str:

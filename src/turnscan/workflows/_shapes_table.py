@@ -11,6 +11,7 @@ import numpy as np
 
 from turnscan.drawings import with_sigma
 from turnscan.shapes.primitives import Edge, FormError, ShapeSet, ShapeSize
+from turnscan.shapes.walls import Walls
 
 _ANGLES = ("angle", "cone angle")
 COVERAGE = 2.0
@@ -35,10 +36,32 @@ class Dimension:
 
 
 def dimensions(
-    found: ShapeSet, sizes: Sequence[ShapeSize], forms: Sequence[FormError], edges: Sequence[Edge]
+    found: ShapeSet,
+    sizes: Sequence[ShapeSize],
+    forms: Sequence[FormError],
+    edges: Sequence[Edge],
+    walls: Walls | None,
 ) -> list[Dimension]:
-    """Sizes first, then forms, then fillets and chamfers."""
-    return [*_of_sizes(found, sizes), *_of_forms(found, forms), *_of_edges(edges)]
+    """Sizes first, then walls, fillets and chamfers, then forms and orientations."""
+    return [
+        *_of_sizes(found, sizes),
+        *(_of_walls(walls) if walls else ()),
+        *_of_edges(edges),
+        *_of_forms(found, forms),
+    ]
+
+
+def _of_walls(w: Walls) -> Iterator[Dimension]:
+    rests = f"{w.places} places with a measured far side, {w.share:.0%} of the measured surface"
+    at = ", ".join(f"{x:.1f}" for x in w.where)
+    least = (
+        f"one place of these, at ({at}) mm; noise alone makes the thinnest {w.noise:.2g} mm less"
+    )
+    for name, value, sigma, said in (
+        ("wall thickness, least", w.least, w.least_sigma, least),
+        ("wall thickness, median", w.median, w.median_sigma, rests),
+    ):
+        yield Dimension("the whole part", name, value, sigma, "mm", said)
 
 
 def _of_sizes(found: ShapeSet, sizes: Sequence[ShapeSize]) -> Iterator[Dimension]:
@@ -46,20 +69,19 @@ def _of_sizes(found: ShapeSet, sizes: Sequence[ShapeSize]) -> Iterator[Dimension
         own = [s.first] if s.second is None else [s.first, s.second]
         scale, unit = (180 / np.pi, "deg") if s.kind in _ANGLES else (1.0, "mm")
         points = " and ".join(str(found.shapes[k].count) for k in own)
-        yield Dimension(
-            _named(found, own), s.kind, s.value * scale, s.sigma * scale, unit, f"{points} points",
-            tuple(own),
-        )  # fmt: skip
+        rests = f"{points} points"
+        value, sigma = s.value * scale, s.sigma * scale
+        yield Dimension(_named(found, own), s.named(found), value, sigma, unit, rests, tuple(own))
 
 
 def _of_forms(found: ShapeSet, forms: Sequence[FormError]) -> Iterator[Dimension]:
     for f in forms:
+        what = f"axis of {f.side:.3g} mm" if not f.cells else f"{f.cells} cells of {f.side:.2g} mm"
         rests = (
-            f"{f.cells} cells of {f.side:.2g} mm; noise alone gives {f.noise:.2g} mm"
-            f"{'' if f.shown else ', so none is shown'}"
+            f"{what}; chance alone gives {f.noise:.2g} mm{'' if f.shown else ', so none is shown'}"
         )
-        who = _named(found, [f.shape])
-        yield Dimension(who, f.kind, f.value, f.sigma, "mm", rests, (f.shape,))
+        own = (f.shape,) if f.datum is None else (f.shape, f.datum)
+        yield Dimension(_named(found, own), f.kind, f.value, f.sigma, "mm", rests, own)
 
 
 def _of_edges(edges: Sequence[Edge]) -> Iterator[Dimension]:
@@ -101,7 +123,18 @@ def dimensions_csv(rows: Sequence[Dimension]) -> str:
 def form_in_words(f: FormError) -> str:
     """A form error in a line."""
     said = "" if f.shown else ": none shown"
+    to = "" if f.datum is None else f" to {f.datum + 1}"
+    over = f"over cells of {f.side:.2g} mm" if f.cells else f"of an axis of {f.side:.3g} mm"
     return (
-        f"{f.shape + 1}: {f.kind} {with_sigma(f.value, f.sigma)} mm over cells of {f.side:.2g} mm, "
-        f"noise alone gives {f.noise:.2g} mm{said}"
+        f"{f.shape + 1}{to}: {f.kind} {with_sigma(f.value, f.sigma)} mm {over}, "
+        f"chance alone gives {f.noise:.2g} mm{said}"
+    )
+
+
+def walls_in_words(w: Walls) -> str:
+    """The thickness of walls in a line."""
+    at = ", ".join(f"{x:.1f}" for x in w.where)
+    return (
+        f"wall thickness: at least {with_sigma(w.least, w.least_sigma)} mm at ({at}) mm, median "
+        f"{with_sigma(w.median, w.median_sigma)} mm, where both sides were measured ({w.share:.0%})"
     )

@@ -4,6 +4,7 @@ from turnscan.shapes.primitives._caps import filled_planes
 from turnscan.shapes.primitives._edges import Edge, EdgeForm, find_edges, normals_and_distances
 from turnscan.shapes.primitives._find import find_shapes
 from turnscan.shapes.primitives._form_errors import FormError, FormKind, form_errors
+from turnscan.shapes.primitives._orientation import orientation_errors
 from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
 from turnscan.shapes.primitives._sharpened import Sharpened, sharpened
 from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_between
@@ -26,6 +27,7 @@ __all__ = [
     "form_errors",
     "neighbours_of",
     "normals_and_distances",
+    "orientation_errors",
     "sharpened",
     "sizes_between",
 ]

@@ -6,13 +6,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Ints
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives._shapes import Kind, ShapeSet
 from turnscan.shapes.verification._statistics import noise_range
 
-FormKind = Literal["flatness", "sphericity", "cylindricity", "conicity", "torus form"]
+FormKind = Literal[
+    "flatness", "sphericity", "cylindricity", "conicity", "torus form",
+    "roundness", "parallelism", "perpendicularity", "run-out", "total run-out",
+]  # fmt: skip
 FORMS: dict[Kind, FormKind] = {
     "plane": "flatness",
     "sphere": "sphericity",
@@ -20,9 +24,9 @@ FORMS: dict[Kind, FormKind] = {
     "cone": "conicity",
     "torus": "torus form",
 }
-_CELL = 25
+CELL = 25
 """Points of a cell, about."""
-_LEAST, _CELLS = 15, 8
+_LEAST, CELLS = 15, 8
 """Points that a cell must have, and cells that a shape must have."""
 _SURE = 4.0
 """Standard deviations by which a form error must be more than that of noise."""
@@ -30,22 +34,27 @@ _SURE = 4.0
 
 @dataclass(frozen=True)
 class FormError:
-    """The width of the zone about a shape that holds the surface, as far as noise lets it show."""
+    """The width of the zone that holds a surface or an axis, as far as noise lets it show: about
+    the shape itself (form), or square, parallel or coaxial to another one (ISO 1101)."""
 
     kind: FormKind
     shape: int
     """Index of the shape."""
     value: float
     """mm from the lowest to the highest mean of a cell of neighbouring points, off the
-    least-squares shape."""
+    least-squares shape or along the zone; of an axis how far it leans over its length."""
     noise: float
-    """mm that independent noise of the points makes of a perfect shape, on average."""
+    """mm that chance makes of a perfect shape, on average: independent noise of the points, and
+    what is not known of both directions or axes."""
     sigma: float
-    """mm: the standard uncertainty that this noise leaves."""
+    """mm: the standard uncertainty that these leave."""
     cells: int
-    """How many cells there are."""
+    """How many cells there are; 0 of an axis."""
     side: float
-    """mm: side of a cell; narrower waves of the surface are averaged out."""
+    """mm: side of a cell, as narrower waves of the surface are averaged out; of an axis its
+    length."""
+    datum: int | None = None
+    """Index of the shape that gives the zone its direction or axis; None for a form."""
 
     @property
     def shown(self) -> bool:
@@ -63,30 +72,44 @@ def form_errors(mesh: Mesh, found: ShapeSet) -> tuple[FormError, ...]:
     out = list[FormError]()
     for k, s in enumerate(found.shapes):
         member = np.flatnonzero(found.used & (found.label == k))
-        if len(member) < _CELL * _CELLS:
+        if len(member) < CELL * CELLS:
             continue
-        side = float(np.sqrt(_CELL * s.area / len(member)))
-        mean, scatter = _means(mesh.vertices[member], found.residual[member], side)
-        if len(mean) < _CELLS:
+        side = float(np.sqrt(CELL * s.area / len(member)))
+        cell = cells_of(mesh.vertices[member], side)
+        mean, scatter = cell_means(cell, found.residual[member])
+        if len(mean) < CELLS:
             continue
         noise, sigma = noise_range(scatter)
         out.append(FormError(FORMS[s.kind], k, float(np.ptp(mean)), noise, sigma, len(mean), side))
     return tuple(out)
 
 
-def _means(points: Floats, off: Floats, side: float) -> tuple[Floats, Floats]:
-    """Means (n,) of the cells that have enough points, and the scatter (n,) that noise leaves them.
+def cells_of(points: Floats, side: float) -> Ints:
+    """(n,) number of the cube of a side (mm) that each point lies in; −1 where it has too few."""
+    at = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
+    wide = at.max(axis=0) + 1
+    return full_enough((at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2], _LEAST)
+
+
+def full_enough(keys: npt.NDArray[np.int64], least: int) -> Ints:
+    """(n,) cells by their keys, numbered from 0; −1 for those of fewer than ``least`` points."""
+    cell, count = np.unique(keys, return_inverse=True, return_counts=True)[1:]
+    good = count >= least
+    number = np.where(good, np.cumsum(good) - 1, -1)
+    return np.asarray(number[cell.ravel()], dtype=np.int32)
+
+
+def cell_means(cell: Ints, off: Floats) -> tuple[Floats, Floats]:
+    """Means (c,) of the values (n,) in each cell, and the scatter (c,) that noise leaves them.
 
     The noise of a point is that of all cells together, for 15 points do not tell their own well.
     """
-    at = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
-    wide = at.max(axis=0) + 1
-    keys = (at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2]
-    cell = np.unique(keys, return_inverse=True)[1]
+    on = cell >= 0
+    cell, off = cell[on], off[on]
+    if not len(cell):
+        return np.zeros(0), np.zeros(0)
     count = np.bincount(cell)
-    good = count >= _LEAST
-    count = count[good]
-    mean = np.bincount(cell, off)[good] / count
-    square = np.bincount(cell, off * off)[good] - count * mean**2
-    variance = float(square.sum()) / max(int((count - 1).sum()), 1)
+    mean = np.bincount(cell, off) / count
+    square = np.bincount(cell, off * off) - count * mean**2
+    variance = max(float(square.sum()), 0.0) / max(int((count - 1).sum()), 1)
     return mean, np.sqrt(variance / count)

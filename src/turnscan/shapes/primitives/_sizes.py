@@ -17,7 +17,13 @@ from turnscan.shapes.primitives._shapes import ShapeSet
 SizeKind = Literal[
     "diameter", "tube diameter", "cone angle", "distance", "axis distance", "axis to plane", "angle"
 ]
-_LOOK = float(np.radians(3.0))
+_ORDER: tuple[SizeKind, ...] = (
+    "distance", "diameter", "tube diameter", "cone angle", "angle", "axis distance",
+    "axis to plane",
+)  # fmt: skip
+"""What a drawing gives first."""
+LOOK = float(np.radians(3.0))
+"""Directions within this of parallel or square are compared with it."""
 _CLEAR = 3.0
 """Standard uncertainties from which on the direction of a distance is known."""
 _FIXED = 0.01
@@ -39,6 +45,16 @@ class ShapeSize:
     sigma: float
     """Standard uncertainty, same unit."""
 
+    def named(self, found: ShapeSet) -> str:
+        """What a drawing calls it: the distance of two planes that look one way is a step height,
+        that of two which look at each other a gap width."""
+        if self.kind != "distance" or self.second is None:
+            return self.kind
+        one, other = found.measured[self.first], found.measured[self.second]
+        if float(one.axis @ other.axis) > 0:
+            return "step height"
+        return "gap width" if float((other.point - one.point) @ one.axis) > 0 else "distance"
+
 
 def neighbours_of(mesh: Mesh, found: ShapeSet) -> set[tuple[int, int]]:
     """Pairs of shapes (lower index first) that meet along the mesh."""
@@ -50,9 +66,9 @@ def neighbours_of(mesh: Mesh, found: ShapeSet) -> set[tuple[int, int]]:
 
 
 def sizes_between(mesh: Mesh, found: ShapeSet) -> list[ShapeSize]:
-    """Diameters and cone angles, distances of parallel planes and axes, angles at edges, and how
-    far axes are from planes along them."""
-    out = []
+    """Distances of parallel planes, diameters and cone angles, angles at edges, distances of axes,
+    and how far axes are from planes along them, in this order."""
+    out = list[ShapeSize]()
     for k, s in enumerate(found.shapes):
         C = s.covariance
         if s.kind in ("sphere", "cylinder", "torus"):
@@ -67,7 +83,7 @@ def sizes_between(mesh: Mesh, found: ShapeSet) -> list[ShapeSize]:
         size = _between(found, i, j, (i, j) in meet)
         if size is not None:
             out.append(size)
-    return out
+    return sorted(out, key=lambda size: _ORDER.index(size.kind))
 
 
 def _between(found: ShapeSet, i: int, j: int, meet: bool) -> ShapeSize | None:
@@ -77,14 +93,14 @@ def _between(found: ShapeSet, i: int, j: int, meet: bool) -> ShapeSize | None:
         return None
     dot = abs(float(a.axis @ b.axis))
     if a.kind == b.kind == "plane":
-        if dot > np.cos(_LOOK):
+        if dot > np.cos(LOOK):
             return _size(found, "distance", i, j, _between_planes)
         return _plane_angle(found, i, j) if meet else None
     if "plane" in (a.kind, b.kind):
-        if dot > np.sin(_LOOK):
+        if dot > np.sin(LOOK):
             return None
         return _size(found, "axis to plane", i, j, _axis_to_plane(a.kind == "plane"))
-    if dot < np.cos(_LOOK):
+    if dot < np.cos(LOOK):
         return None
     return _axis_distance(found, i, j)
 
@@ -93,8 +109,8 @@ def _size(
     found: ShapeSet, kind: SizeKind, i: int, j: int, of: Callable[[Floats, Floats], float]
 ) -> ShapeSize:
     q = (found.shapes[i].numbers, found.shapes[j].numbers)
-    slope = _slope(q, lambda a, b: np.array([of(a, b)]))[0]
-    variance = float(slope @ _joint(found.covariance, i, j) @ slope)
+    slope = slope_of(q, lambda a, b: np.array([of(a, b)]))[0]
+    variance = float(slope @ joint(found.covariance, i, j) @ slope)
     return ShapeSize(kind, i, j, of(*q), float(np.sqrt(max(variance, 0.0))))
 
 
@@ -102,8 +118,8 @@ def _plane_angle(found: ShapeSet, i: int, j: int) -> ShapeSize:
     """The angle of two planes; where relations leave nothing unknown of it, that before them, for
     a square that was adopted is no measured angle."""
     q = (found.measured[i].numbers, found.measured[j].numbers)
-    slope = _slope(q, lambda a, b: np.array([_angle(a, b)]))[0]
-    own = float(np.sqrt(max(float(slope @ _joint(found.own_covariance, i, j) @ slope), 0.0)))
+    slope = slope_of(q, lambda a, b: np.array([_angle(a, b)]))[0]
+    own = float(np.sqrt(max(float(slope @ joint(found.own_covariance, i, j) @ slope), 0.0)))
     size = _size(found, "angle", i, j, _angle)
     return size if size.sigma > _FIXED * own else ShapeSize("angle", i, j, _angle(*q), own)
 
@@ -116,15 +132,15 @@ def _axis_distance(found: ShapeSet, i: int, j: int) -> ShapeSize:
     """
     q = (found.measured[i].numbers, found.measured[j].numbers)
     across: Floats = np.stack(surface.frame(q[0][3:6]))
-    slope = _slope(q, lambda a, b: np.asarray(across @ _between_axes(a, b)))
-    C = slope @ _joint(found.own_covariance, i, j) @ slope.T
-    away = across @ _between_axes(*q)
+    slope = slope_of(q, lambda a, b: np.asarray(across @ between_axes(a, b)))
+    C = slope @ joint(found.own_covariance, i, j) @ slope.T
+    away = across @ between_axes(*q)
     value, worst = float(np.linalg.norm(away)), float(np.sqrt(max(np.linalg.eigvalsh(C)[-1], 0.0)))
     along = float(np.sqrt(max(float(away @ C @ away), 0.0))) / max(value, 1e-12)
     return ShapeSize("axis distance", i, j, value, along if value > _CLEAR * worst else worst)
 
 
-def _slope(q: tuple[Floats, Floats], of: Callable[[Floats, Floats], Floats]) -> Floats:
+def slope_of(q: tuple[Floats, Floats], of: Callable[[Floats, Floats], Floats]) -> Floats:
     """(m, 14) how a function (m,) of two shapes' numbers changes with their parameters."""
     slope = np.zeros((len(of(*q)), 14))
     for k in range(14):
@@ -137,7 +153,7 @@ def _slope(q: tuple[Floats, Floats], of: Callable[[Floats, Floats], Floats]) -> 
     return slope
 
 
-def _joint(covariance: Floats, i: int, j: int) -> Floats:
+def joint(covariance: Floats, i: int, j: int) -> Floats:
     """(14, 14) of two shapes."""
     rows = np.concatenate([np.arange(7) + 7 * i, np.arange(7) + 7 * j])
     return np.asarray(covariance[np.ix_(rows, rows)])
@@ -159,7 +175,7 @@ def _axis_to_plane(plane_first: bool) -> Callable[[Floats, Floats], float]:
     return apart
 
 
-def _between_axes(a: Floats, b: Floats) -> Floats:
+def between_axes(a: Floats, b: Floats) -> Floats:
     """(3,) mm from one axis to the other in the middle between their points."""
     middle = (a[:3] + b[:3]) / 2
     one = a[:3] + ((middle - a[:3]) @ a[3:6]) * a[3:6]
