@@ -185,7 +185,8 @@ def find_shapes(
     """Find the planes, spheres, cylinders, cones and tori that a part is made of.
 
     Only measured points are fitted. A shape is reported where its misfit is noise; the rest stays
-    freeform. Relations (parallel, perpendicular, coaxial, equal radius, symmetric) are adopted
+    freeform. Relations (parallel, perpendicular, coaxial, equal radius, symmetric,
+    patterns of holes) are adopted
     where the measured shapes agree with them inside their uncertainty, and each is reported.
 
     Parameters
@@ -268,13 +269,14 @@ def _figures(s: Shape) -> dict[str, Any]:
 
 
 def _relation(r: Relation) -> dict[str, Any]:
-    third = [] if r.third is None else [r.third + 1]
-    out: dict[str, Any] = {"kind": r.kind, "shapes": [r.first + 1, r.second + 1, *third]}
+    out: dict[str, Any] = {"kind": r.kind, "shapes": [k + 1 for k in r.shapes]}
     if r.kind in ("parallel", "perpendicular"):
         out["off_deg"] = float(np.rad2deg(r.off))
         out["sigma_deg"] = float(np.rad2deg(r.sigma))
     else:
         out["off_mm"], out["sigma_mm"] = r.off, r.sigma
+    if r.sizes:
+        out["sizes"] = [{"kind": n, "value_mm": v, "sigma_mm": u} for n, v, u in r.sizes]
     return out
 
 
@@ -403,8 +405,10 @@ def _way_in_words(s: Shape) -> str:
 
 def relation_in_words(r: Relation) -> str:
     """A relation in a line: what was adopted, and how far off it was measured."""
-    about = "" if r.third is None else f" about the axis of {r.third + 1}"
-    who = f"{r.first + 1} and {r.second + 1}: {r.kind}{about}"
+    own = [str(k + 1) for k in (r.shapes[:2] if r.kind == "symmetric" else r.shapes)]
+    about = f" about the axis of {r.shapes[2] + 1}" if r.kind == "symmetric" else ""
+    sizes = "".join(f", {name} {with_sigma(v, u)} mm" for name, v, u in r.sizes)
+    who = f"{', '.join(own[:-1])} and {own[-1]}: {r.kind}{about}{sizes}"
     if r.sigma == 0:
         return f"{who} (the others imply it)"
     if r.kind in ("parallel", "perpendicular"):

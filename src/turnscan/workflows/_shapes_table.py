@@ -45,10 +45,20 @@ def dimensions(
     """Sizes first, then walls, fillets and chamfers, then forms and orientations."""
     return [
         *_of_sizes(found, sizes),
+        *_of_patterns(found),
         *(_of_walls(walls) if walls else ()),
         *_of_edges(edges),
         *_of_forms(found, forms),
     ]
+
+
+def _of_patterns(found: ShapeSet) -> Iterator[Dimension]:
+    for r in found.relations:
+        feature = f"{r.kind} {', '.join(str(k + 1) for k in r.shapes)}"
+        points = sum(found.shapes[k].count for k in r.shapes)
+        rests = f"{len(r.shapes)} holes with {points} points, {r.off:.2g} mm off the pattern"
+        for name, value, sigma in r.sizes:
+            yield Dimension(feature, name, value, sigma, "mm", rests, r.shapes)
 
 
 def _of_walls(w: Walls) -> Iterator[Dimension]:

@@ -18,11 +18,12 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.shapes.primitives import _surface_kernels as surface
+from turnscan.shapes.primitives._patterns import Pattern, patterns
 from turnscan.shapes.primitives._shapes import Relation, RelationKind
 from turnscan.shapes.primitives._surface_kernels import CONE, CYLINDER, PLANE, SPHERE, frame
 
-_CHI = {1: 3.84, 2: 5.99, 4: 9.49}
-"""95 % of χ² by its degrees of freedom."""
+_RARE = 0.05
+"""Share of true relations that are refused."""
 _ANGLE = float(np.radians(1.0))
 """An angle less certain than this says nothing of parallel or square."""
 _LOOK = float(np.radians(3.0))
@@ -110,6 +111,8 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
     start = Adopted(q.copy(), covariance.copy(), [], np.array([frame(one[3:6]) for one in q]))
     now, taken = replace(start, relations=[]), list[_Candidate]()
     waiting = list(_candidates(kinds, sides, q))
+    even = {(str(p.kind), p.holes): p for p in patterns(kinds, sides, q)}
+    waiting += [_Candidate(p.kind, p.holes, p.off, _SHARE * p.pitch) for p in even.values()]
     crossed = [c.of is _square for c in waiting]
     order = sorted(range(len(waiting)), key=lambda k: (crossed[k], _score(now, waiting[k])))
     total = np.zeros(len(covariance))
@@ -132,7 +135,21 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
         total, spent = trial, spent + rank
         taken.append(c)
         _take(now, c, move)
-    return _at_once(start, taken, total, now).in_own_frames()
+    done = _at_once(start, taken, total, now)
+    told = [_sized(done, r, even.get((r.kind, r.shapes))) for r in done.relations]
+    return replace(done, relations=told).in_own_frames()
+
+
+def _sized(done: Adopted, relation: Relation, pattern: Pattern | None) -> Relation:
+    """A pattern of holes with its sizes, as they are with all relations."""
+    if pattern is None:
+        return relation
+    slope = done.slope(pattern.holes, pattern.sizes)
+    variance = np.einsum("ij,jk,ik->i", slope, done.covariance, slope)
+    value = pattern.sizes(done.q[list(pattern.holes)])
+    sigma = np.sqrt(np.maximum(variance, 0.0))
+    sizes = zip(pattern.names, value.tolist(), sigma.tolist(), strict=True)
+    return replace(relation, sizes=tuple(sizes))
 
 
 def _at_once(start: Adopted, taken: list[_Candidate], move: Floats, now: Adopted) -> Adopted:
@@ -217,14 +234,17 @@ def _step(
     off = float(np.linalg.norm(value))
     if implied:  # others say so, or contradict it
         fits = off < 1e-3 * c.limit
-        relation = Relation(c.kind, c.shapes[0], c.shapes[1], third, off, 0.0)
+        relation = Relation(c.kind, c.shapes[0], c.shapes[1], third, off, 0.0, c.shapes[3:])
         return (relation if fits else None), np.zeros(len(now.covariance)), 0
+    from scipy.special import chdtri
+
     inverse = np.linalg.pinv(S, rcond=1e-6, hermitian=True)
     rank = int(np.linalg.matrix_rank(S, tol=1e-6 * top))
-    if float(value @ inverse @ value) > _CHI[max(len(value), 1)]:
+    if float(value @ inverse @ value) > chdtri(len(value), _RARE):
         return None, np.zeros(len(now.covariance)), 0
     move = -now.covariance @ A.T @ inverse @ value
-    relation = Relation(c.kind, c.shapes[0], c.shapes[1], third, off, float(np.sqrt(top)))
+    sigma = float(np.sqrt(top))
+    relation = Relation(c.kind, c.shapes[0], c.shapes[1], third, off, sigma, c.shapes[3:])
     return relation, move, rank
 
 

@@ -14,7 +14,10 @@ from turnscan.shapes.primitives import _surface_kernels as surface
 
 Kind = Literal["plane", "sphere", "cylinder", "cone", "torus"]
 KINDS: tuple[Kind, ...] = ("plane", "sphere", "cylinder", "cone", "torus")
-RelationKind = Literal["parallel", "perpendicular", "coaxial", "equal radius", "symmetric"]
+RelationKind = Literal[
+    "parallel", "perpendicular", "coaxial", "equal radius", "symmetric", "circle of holes",
+    "row of holes", "rectangle of holes",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,11 +91,21 @@ class Relation:
     second: int
     """Index of the shapes."""
     third: int | None
-    """Of two symmetric planes: the shape whose axis lies between them."""
+    """Of two symmetric planes: the shape whose axis lies between them; the third of a pattern."""
     off: float
     """How far off it they were measured: radians, or mm for radii and places."""
     sigma: float
     """Its standard uncertainty; 0 where other relations imply it."""
+    rest: tuple[int, ...] = ()
+    """Of a pattern of holes: the others, along it."""
+    sizes: tuple[tuple[str, float, float], ...] = ()
+    """Of a pattern: what it is called, its size and the standard uncertainty of that, mm."""
+
+    @property
+    def shapes(self) -> tuple[int, ...]:
+        """Index of all that it relates."""
+        third = () if self.third is None else (self.third,)
+        return (self.first, self.second, *third, *self.rest)
 
 
 @dataclass(frozen=True)
