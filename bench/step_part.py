@@ -1,13 +1,13 @@
 """A part of many faces, drawn as STEP, scanned in two poses and recovered: what comes back of it.
 
 ``python -m bench step_part`` simulates `featuretype.STEP` of the shared data on the paper's rig in
-two poses, lying on its face and on its back, both leaning; joins them, finds shapes, and holds
-these against the faces of the drawing: found, missed, invented, and how far points lie off; then
-writes it as STEP and reads that back. Which faces a scan in these poses can show is asked of the
-drawing itself, by rays to lamp and lens. ``--write`` puts the table into the page. ``python -m
-bench.step_part PART.STEP`` takes another part, ``--steps`` (200) for each turn; ``--rig``; ``--keep
-FOLDER`` keeps the scans there and finds them again; ``--free`` joins the poses by their own shape,
-not by the drawing.
+two poses, as it lies and turned over, both leaning so that most of it is seen; joins them and
+closes the surface, finds shapes, and holds these against the faces of the drawing: found, missed,
+invented, and how far points lie off; then writes it as STEP and reads that back. Which faces a scan
+in these poses can show is asked of the drawing itself, by rays to lamp and lens. ``--write`` puts
+the table into the page. ``python -m bench.step_part PART.STEP`` takes another part, ``--steps``
+(200) for each turn; ``--rig``; ``--keep FOLDER`` keeps the scans there and finds them again;
+``--free`` joins the poses by their own shape, not by the drawing.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from turnscan.workflows._nominal import Nominal, nominal
 
 PART = Path(__file__).parents[2] / "shared" / "data" / "parts" / "featuretype.STEP"
 PAGE = DOCS / "how-to" / "shapes.md"
-POSES = ((0.0, (55.0, 20.0)), (180.0, (55.0, -20.0)))
+POSES = ((0.0, (0.0, 35.0)), (180.0, (35.0, 35.0)))
 """Degrees: how far the part is tipped over, then leans about x and y."""
 _PLACES = 100_000
 """Places of the drawing that are asked for, about."""
@@ -67,7 +67,7 @@ def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> 
         for k, (tip, lean) in enumerate(POSES)
     ]
     made, scans = zip(*(scanned(spec, folder) for spec in specs), strict=True)
-    joined = w.join(scans, reference=None if free else drawing)
+    joined = w.join(scans, reference=None if free else drawing, close=True)
     found = w.find_shapes(joined)
     moved = w.compare(joined, drawing, align="shape" if free else "none")
     return _told(drawn, found, moved, in_sight(drawn, made, steps))
@@ -166,7 +166,13 @@ def _solid(drawn: Nominal, found: w.FoundShapes) -> list[str]:
     back = read_step(made.data)
     mesh = "the mesh is open"
     if is_closed(found.mesh):
-        mesh = f"mesh {found.mesh.volume:.0f} ± {volume_sigma(found.mesh).total:.0f} mm³"
+        u = volume_sigma(found.mesh).total
+        known = found.mesh.measured
+        filled = 0.0 if known is None else found.mesh.area_of(~known) / found.mesh.area_of()
+        mesh = f"mesh {found.mesh.volume:.0f} ± {u:.0f} mm³, {filled:.0%} of its surface filled"
+        if back.solids:
+            off = (back.volume - drawn.mesh.volume) / u
+            mesh += f"; the solid is off the drawing by {off:+.2f} u"
     held = f"{back.solids} solids, {back.faces} faces, {'valid' if back.valid else 'not valid'}"
     volume = f", {back.volume:.0f} mm³" if back.solids else ""
     return [

@@ -15,7 +15,7 @@ MOST_NAMES = {
     "devices": 25,
     "drawings": 20,  # with shells of faces, their triangles and colours
     "edit": 83,  # with names of edits, and edits of named sets of settings
-    "formats": 17,
+    "formats": 18,  # with the texture beside an OBJ
     "mesh": 25,  # with samples of a surface and faces about vertices, which other rooms had
     "points": 40,
     "poses": 16,

@@ -5,6 +5,7 @@ from turnscan.formats._dxf import write_dxf
 from turnscan.formats._dxf_read import read_dxf, read_dxf_content
 from turnscan.formats._formats import EXPORTERS, Exporter, export, exporter_for, read_mesh
 from turnscan.formats._options import DxfForm, DxfVersion, ExportOptions, Profiles
+from turnscan.formats._plain import texture_files
 from turnscan.formats._ply import write_ply
 from turnscan.formats._ply_read import read_range_ply
 from turnscan.formats._stl import write_stl
@@ -25,6 +26,7 @@ __all__ = [
     "read_dxf_content",
     "read_mesh",
     "read_range_ply",
+    "texture_files",
     "write_dxf",
     "write_ply",
     "write_stl",

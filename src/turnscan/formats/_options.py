@@ -26,6 +26,10 @@ class ExportOptions:
     """STL and PLY as text instead of binary."""
     single: bool = False
     """PLY coordinates as 32-bit instead of 64-bit numbers."""
+    texture: bool = False
+    """Whether an OBJ that is written under a name has its colours as a texture, too."""
+    material: str = ""
+    """OBJ: name of the MTL beside it, without suffix, that holds its colours; "" for none."""
     about: Mapping[str, object] = field(default_factory=dict)
     """Provenance to embed: rig hash, parameters; must go into JSON."""
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
+from turnscan.formats._obj_texture import face_corners, material, texture
 from turnscan.formats._options import DEFAULTS, ExportOptions
 from turnscan.formats._read import (
     MAX_FACES,
@@ -26,13 +27,16 @@ from turnscan.mesh import Mesh, PointCloud, Provenance
 
 SIGMA_DECIMALS = 9
 _COLOUR_DECIMALS = 4
+_PLACE_DECIMALS = 7
+"""Of places in a texture: a hundredth of a texel of the largest."""
 
 
 def write_obj(mesh: Mesh, options: ExportOptions = DEFAULTS) -> bytes:
     """Return the mesh as Wavefront OBJ in mm, faces counted from 1; origin as comments.
 
     Where faces were not measured, the groups ``measured`` and ``filled`` say which. Colours stand
-    behind the coordinates of each vertex, 0 to 1.
+    behind the coordinates of each vertex, 0 to 1; with ``options.material`` the corners of faces
+    have their places in the texture, too, which `texture_files` writes.
 
     Raises InputError where the mesh has no faces; ExportError where a coordinate is beyond
     what can be written.
@@ -47,10 +51,34 @@ def write_obj(mesh: Mesh, options: ExportOptions = DEFAULTS) -> bytes:
     words = ["v ", *[" "] * (len(places) - 1), "\n"]
     parts = [_comments(options), *rows_text(rows, places, words)]
     words = ["f ", " ", " ", "\n"]
+    textured = options.material and mesh.colour is not None
+    if textured:
+        corners = scaled(face_corners(len(mesh.faces)), _PLACE_DECIMALS)
+        parts.append(f"mtllib {options.material}.mtl\nusemtl coloured\n".encode())
+        parts += rows_text(corners, [_PLACE_DECIMALS] * 2, ["vt ", " ", "\n"])
+        words = ["f ", "/", " ", "/", " ", "/", "\n"]
+    done = 0
     for group, part in _groups(mesh):
         parts.append(group)
-        parts += rows_text(part.astype(np.int64) + 1, [0, 0, 0], words)
+        numbers = part.astype(np.int64) + 1
+        if textured:
+            place = np.arange(3 * done, 3 * (done + len(part))).reshape(-1, 3) + 1
+            numbers = np.stack([numbers, place], axis=2).reshape(-1, 6)
+        parts += rows_text(numbers, [0] * numbers.shape[1], words)
+        done += len(part)
     return b"".join(parts)
+
+
+def texture_files(mesh: Mesh, material_name: str) -> dict[str, bytes]:
+    """What stands beside an OBJ with a material, by the end of its name: .mtl and -texture.png.
+
+    Raises ExportError where there are more faces than a texture holds.
+    """
+    picture = "-texture.png"
+    return {
+        ".mtl": material("coloured", f"{material_name}{picture}"),
+        picture: texture(mesh),
+    }
 
 
 def _groups(mesh: Mesh) -> list[tuple[bytes, Ints]]:

@@ -31,6 +31,11 @@ class FormatOptions(Checked):
     float32: bool = option(
         False, "switch", "Write PLY coordinates as 32-bit numbers.", group="Formats"
     )
+    obj_texture: bool = option(
+        False, "switch",
+        "Write the colours of an OBJ also as a texture, in part.mtl and part-texture.png.",
+        group="Formats",
+    )  # fmt: skip
 
     @property
     def export_options(self) -> ExportOptions:
@@ -44,4 +49,5 @@ class FormatOptions(Checked):
             dxf_version=self.dxf_version or ("R2010" if "mesh" in self.dxf_forms else "R12"),
             ascii=self.ascii,
             single=self.float32,
+            texture=self.obj_texture,
         )

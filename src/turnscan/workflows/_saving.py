@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from turnscan.errors import ExportError
+from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding
-from turnscan.formats import ExportOptions, Profiles, audit, export
+from turnscan.formats import ExportOptions, Profiles, audit, export, texture_files
 from turnscan.mesh import Mesh, PointCloud
 from turnscan.workflows._files import check_writable, write_atomically
+
+_NAME = re.compile(r"\S+")
 
 
 def save(
@@ -50,16 +54,40 @@ def save(
     remarks: list[Finding] = []
     for path, what in results.items():
         check_writable(path)
-        data, found = audited(what, path.suffix, options, profiles, str(path))
+        beside = _textures(path, what, options)
+        chosen = replace(options, material=path.stem) if beside else options
+        data, found = audited(what, path.suffix, chosen, profiles, str(path))
         for finding in found:
             where = ", ".join(filter(None, [path.name, finding.where]))
             remarks.append(
                 Finding(finding.code, finding.severity, finding.message, where, finding.remedy)
             )
         ready[path] = data
+        ready |= beside
     for path, data in ready.items():
         write_atomically(path, data)
     return remarks
+
+
+def _textures(
+    path: Path, what: Mesh | PointCloud | Profiles, options: ExportOptions
+) -> dict[Path, bytes]:
+    """The material and the texture beside an OBJ of a coloured mesh, where they are asked for."""
+    if not (options.texture and path.suffix.lower() == ".obj"):
+        return {}
+    if not isinstance(what, Mesh) or what.colour is None or not len(what.faces):
+        return {}
+    if not _NAME.fullmatch(path.stem):
+        raise InputError(
+            f"{path}: an OBJ cannot name a texture with a blank in its name",
+            hint="choose a name of letters, digits, - and _",
+        )
+    files = {
+        path.with_name(f"{path.stem}{end}"): d for end, d in texture_files(what, path.stem).items()
+    }
+    for file in files:
+        check_writable(file)
+    return files
 
 
 def audited(
