@@ -30,6 +30,7 @@ from turnscan.shapes.primitives import (
     sizes_between,
 )
 from turnscan.shapes.primitives import find_shapes as find_in_mesh
+from turnscan.shapes.swept import Swept, find_swept
 from turnscan.shapes.walls import Walls, wall_thickness
 from turnscan.workflows import _document as doc
 from turnscan.workflows._check_tolerance import check_tolerance
@@ -74,6 +75,8 @@ class FoundShapes:
     """How flat or round the shapes are, how parallel or square to each other, and their run-out."""
     walls: Walls | None = None
     """How thick the material is, where both of its sides were measured."""
+    swept: tuple[Swept, ...] = ()
+    """Freeform pieces with one profile all along: surfaces of revolution, and extrusions."""
     with_edges: bool = False
     """Whether the mesh that is saved has the true edges."""
 
@@ -88,6 +91,7 @@ class FoundShapes:
                 {"number": k + 1, **_figures(s), "as_measured": _figures(m)}
                 for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
             ],
+            "swept": [_swept(s) for s in self.swept],
             "relations": [_relation(r) for r in f.relations],
             "sizes": [_size(s, f) for s in self.sizes],
             "edges": [_edge(e) for e in self.edges],
@@ -238,6 +242,7 @@ def find_shapes(
         find_edges(loaded.mesh, found),
         (*form_errors(loaded.mesh, found), *orientation_errors(loaded.mesh, found)),
         wall_thickness(loaded.mesh, moves),
+        find_swept(loaded.mesh, found, moves),
         wanted.edges,
     )
 
@@ -266,6 +271,20 @@ def _figures(s: Shape) -> dict[str, Any]:
     if s.length:
         out["length_mm"] = s.length
     return out
+
+
+def _swept(s: Swept) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "kind": s.kind,
+        "points": s.count,
+        "area_mm2": s.area,
+        "rms_mm": s.rms,
+        "point_mm": s.point.tolist(),
+        "axis": s.axis.tolist(),
+        "axis_sigma_deg": float(np.rad2deg(s.axis_sigma)),
+        "length_mm": s.length,
+    }
+    return out if s.kind == "extrusion" else {**out, "axis_shift_sigma_mm": s.shift_sigma}
 
 
 def _relation(r: Relation) -> dict[str, Any]:
@@ -355,13 +374,16 @@ def in_words(found: FoundShapes) -> list[str]:
     if not f.shapes:
         return [
             f"{Path(found.name).name}: freeform: no shape within {f.tolerance:.3g} mm over enough "
-            "of the surface"
+            "of the surface",
+            *map(swept_in_words, found.swept),
+            *([walls_in_words(found.walls)] if found.walls else []),
         ]
     lines = [
         f"{Path(found.name).name}: {len(f.shapes)} shapes on {f.coverage:.1%} of the measured "
         f"surface, tolerance {f.tolerance:.3g} mm; the rest is freeform"
     ]
     lines += [f"{k + 1}: {shape_in_words(s)}" for k, s in enumerate(f.shapes)]
+    lines += [swept_in_words(s) for s in found.swept]
     lines += [relation_in_words(r) for r in f.relations]
     lines += [size_in_words(s, f) for s in found.sizes]
     lines += [walls_in_words(found.walls)] if found.walls else []
@@ -391,7 +413,19 @@ def shape_in_words(s: Shape) -> str:
             f"{with_sigma(2 * s.second, 2 * s.second_sigma)} mm, {along}, {tail}")  # fmt: skip
 
 
-def _way_in_words(s: Shape) -> str:
+def swept_in_words(s: Swept) -> str:
+    """A piece of freeform surface with one profile, in a line."""
+    tail = f"{s.length:.3f} mm of it, rms {s.rms:.4f} mm over {s.count} points, {s.area:.1f} mm²"
+    if s.kind == "extrusion":
+        return f"freeform: extrusion along {_way_in_words(s)}, {tail}"
+    at = ", ".join(f"{x:.4f}" for x in s.point)
+    return (
+        f"freeform: surface of revolution, axis {_way_in_words(s)} through ({at}) ± "
+        f"{s.shift_sigma:.2g} mm, {tail}; its profile is drawn by revolve"
+    )
+
+
+def _way_in_words(s: Shape | Swept) -> str:
     """Its normal or axis with the standard uncertainty, both to that one's second digit."""
     sigma = float(s.axis_sigma)
     if not (np.isfinite(sigma) and sigma > 0):
@@ -466,6 +500,7 @@ def _blocks(found: FoundShapes) -> list[doc.Block]:
                 for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
             ],
         ),
+        *(doc.Paragraph(swept_in_words(s)) for s in found.swept),
         *solid,
         doc.Heading("Relations adopted"),
         doc.Table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
