@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import product
 from typing import Literal, get_args
 
 import numpy as np
@@ -66,13 +67,14 @@ def as_planned(rig: Rig) -> Rig:
 def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> Rig:
     """Calibrate with simulated pictures of the board: held freely, under the laser, on the table.
 
-    No picture of the table has the laser on: the boards under it say where its sheet is.
+    Each laser is lit by itself on the boards under it; no picture of the table has one on, as the
+    boards say where the sheets are.
     """
     free, under, stops = views
     scene = bench(replace(spec, scene="charuco", room=ROOM)).scene
     made = replace(bench(spec), scene=scene)
     seconds = seconds_of(spec)
-    laser = made.beams[0].name
+    lasers = tuple(beam.name for beam in made.beams)
     draw = np.random.default_rng(spec.seed)
 
     def photograph(body_at: Pose, lit: tuple[str, ...], angle: float = 0.0) -> Image:
@@ -87,23 +89,28 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
     start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
         dark = list(pool.map(lambda at: photograph(at, ()), held))
-        lit = pool.map(lambda at: photograph(at, (laser,)), held[free:])
+        lit = pool.map(
+            lambda at: photograph(at[1], (at[0],)), list(product(lasers, held[free:]))
+        )
         turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(stops))
         seen = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
-        striped = [
-            LaserPicture(view, light, widths=widths)
-            for view, (light, widths) in (
-                (view, stripe_light(on, off))
-                for view, on, off in zip(seen[free:], lit, dark[free:], strict=True)
-            )
-        ]
+        striped = {
+            laser: [
+                LaserPicture(view, light, widths=widths)
+                for view, (light, widths) in (
+                    (view, stripe_light(next(lit), off))
+                    for view, off in zip(seen[free:], dark[free:], strict=True)
+                )
+            ]
+            for laser in lasers
+        }
         table = [
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
             for k, picture in enumerate(turned)
         ]
     lowest = float(stand.apply(np.array([0.0, 0.0, MARGIN + BOARD.square]))[2])
     settings = CalibrationSettings(step=step, table_board=BOARD, lowest=lowest, margin=MARGIN)
-    return calibrate_rig(seen[:free], {laser: striped}, table, settings).rig
+    return calibrate_rig(seen[:free], striped, table, settings).rig
 
 
 def _held(draw: np.random.Generator, stand: Pose, middle: np.ndarray) -> Pose:

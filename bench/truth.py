@@ -4,8 +4,8 @@
 fine steps, merges it every way; ``--quick`` takes the paper rig with 60 steps alone. ``--write``
 puts the rows into docs/explain/accuracy.md, each with its commit; those of what was not measured
 again stay. ``python -m bench.truth --keep FOLDER`` keeps the simulated scans there and finds them
-again, ``--parts mug``, ``--rigs paper`` and ``--steps 24 60`` take some of those alone,
-``--calibrated`` measures with a rig calibrated from pictures.
+again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--steps 24 60`` take some of those
+alone, ``--calibrated`` measures with a rig calibrated from pictures of a board.
 """
 
 from __future__ import annotations
@@ -98,20 +98,22 @@ def row(run: Run, name: str, lasers: int, way: str, mesh: Mesh, seen: Bools) -> 
 
 
 def rows(
-    parts: Sequence[str], rigs: Sequence[str], steps: Sequence[int], folder: Path, calibrated: bool
+    parts: Sequence[str],
+    rigs: Sequence[str],
+    lines: Sequence[int],
+    steps: Sequence[int],
+    folder: Path,
+    calibrated: bool,
 ) -> Iterator[Row]:
     """The table's rows, each scan simulated once."""
-    believed: dict[str, Rig] = {}
-    for part, rig, lasers, count in product(parts, rigs, LASERS, steps):
+    believed: dict[tuple[str, int], Rig] = {}
+    for part, rig, lasers, count in product(parts, rigs, lines, steps):
         spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(spec, folder)
-        if calibrated and rig not in believed:
-            believed[rig] = from_pictures(SimulationSpec("charuco", rig, lasers=1))
-        # Pictures of the board are taken with the first line alone.
-        if calibrated and lasers > 1:
-            continue
+        if calibrated and (rig, lasers) not in believed:
+            believed[rig, lasers] = from_pictures(SimulationSpec("charuco", rig, lasers=lasers))
         with Scan.open(path) as scan:
-            seen = tuple(detect_scan(scan, believed.get(rig, made.rig), Settings().stripes))
+            seen = tuple(detect_scan(scan, believed.get((rig, lasers), made.rig), Settings().stripes))
         grids = to_grids(seen, Settings()).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
@@ -130,6 +132,7 @@ def run(
     calibrated: bool = False,
     parts: Sequence[str] = PARTS,
     rigs: Sequence[str] = RIGS,
+    lasers: Sequence[int] = LASERS,
     steps: Sequence[int] = STEPS,
 ) -> None:
     """Print every row as it is measured."""
@@ -137,7 +140,7 @@ def run(
     with _keep.folder(keep) as folder:
         rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
         print("\n".join(HEAD))
-        for one in rows(parts, rigs, steps, folder, calibrated):
+        for one in rows(parts, rigs, lasers, steps, folder, calibrated):
             lines += _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
             print(lines[-1], flush=True)
     if into_pages:
@@ -156,9 +159,10 @@ def main() -> None:
     parser.add_argument("--parts", choices=PARTS, nargs="+", default=PARTS, help="these parts")
     parser.add_argument("--calibrated", action="store_true", help="from a calibrated rig")
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
+    parser.add_argument("--lasers", type=int, nargs="+", default=LASERS, help="so many lines")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
     given = parser.parse_args()
-    some = given.parts, given.rigs, given.steps
+    some = given.parts, given.rigs, given.lasers, given.steps
     run(given.quick, given.write, given.keep, given.calibrated, *some)
 
 
