@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -89,12 +90,10 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
     start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
         dark = list(pool.map(lambda at: photograph(at, ()), held))
-        lit = pool.map(
-            lambda at: photograph(at[1], (at[0],)), list(product(lasers, held[free:]))
-        )
+        lit = pool.map(lambda at: photograph(at[1], (at[0],)), list(product(lasers, held[free:])))
         turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(stops))
         seen = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
-        striped = {
+        striped: dict[str, Sequence[LaserPicture]] = {
             laser: [
                 LaserPicture(view, light, widths=widths)
                 for view, (light, widths) in (

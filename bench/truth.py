@@ -113,7 +113,9 @@ def rows(
         if calibrated and (rig, lasers) not in believed:
             believed[rig, lasers] = from_pictures(SimulationSpec("charuco", rig, lasers=lasers))
         with Scan.open(path) as scan:
-            seen = tuple(detect_scan(scan, believed.get((rig, lasers), made.rig), Settings().stripes))
+            seen = tuple(
+                detect_scan(scan, believed.get((rig, lasers), made.rig), Settings().stripes)
+            )
         grids = to_grids(seen, Settings()).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
