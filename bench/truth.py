@@ -5,7 +5,8 @@ fine steps, merges it every way; ``--quick`` takes the paper rig with 60 steps a
 puts the rows into docs/explain/accuracy.md, each with its commit; those of what was not measured
 again stay. ``python -m bench.truth --keep FOLDER`` keeps the simulated scans there and finds them
 again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--steps 24 60`` take some of those
-alone, ``--calibrated`` measures with a rig calibrated from pictures of a board.
+alone. ``--calibrated`` measures with a rig calibrated from pictures of a board, lays the surface
+onto the part (`bench._laid`), and adds to sigma what the calibration says of itself.
 """
 
 from __future__ import annotations
@@ -20,15 +21,16 @@ import numpy as np
 
 from bench import _hole_truth as truth
 from bench import _keep, _page
+from bench._laid import laid
 from bench._page import MEASURED
 from bench._rigs import from_pictures
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
 from turnscan import shapes
-from turnscan.arrays import Bools
+from turnscan.arrays import Bools, Floats
 from turnscan.detection import detect_scan
 from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh, cut_touching, longest_sides
-from turnscan.rig import Rig
+from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import SimulationSpec
@@ -80,19 +82,31 @@ class Row:
         return f"| {' | '.join(cells)} |"
 
 
-def row(run: Run, name: str, lasers: int, way: str, mesh: Mesh, seen: Bools) -> Row:
-    """Hold one merged surface against the part. Raises ValueError for one without sigma."""
+def row(
+    run: Run,
+    name: str,
+    lasers: int,
+    way: str,
+    mesh: Mesh,
+    seen: Bools,
+    common: Floats | float = 0.0,
+) -> Row:
+    """Hold one merged surface against the part. Raises ValueError for one without sigma.
+
+    ``common`` (v,) mm is what the calibration says of each vertex, beside its own sigma.
+    """
     p = mesh.provenance
     if p is None:
         raise ValueError("the mesh does not know its sigma")
     off = np.abs(shapes.deviation(mesh.vertices, truth.made_mesh(run.made)).distance)
-    z = off / p.sigma
+    sigma = np.hypot(p.sigma, common)
+    z = off / sigma
     half = longest_sides(mesh) / 2
     return Row(
         name, lasers, run.steps, way, len(off), float(off.max()),
         float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(z**2))),
         (float((z <= 1).mean()), float((z <= 2).mean()), float((z <= 3).mean())),
-        int((off > 3 * p.sigma + half).sum()),
+        int((off > 3 * sigma + half).sum()),
         covered(mesh, places(run.made), seen, run.near),
     )  # fmt: skip
 
@@ -111,7 +125,7 @@ def rows(
         spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(spec, folder)
         if calibrated and (rig, lasers) not in believed:
-            believed[rig, lasers] = from_pictures(SimulationSpec("charuco", rig, lasers=lasers))
+            believed[rig, lasers] = _calibrated(rig, lasers, folder)
         with Scan.open(path) as scan:
             seen = tuple(
                 detect_scan(scan, believed.get((rig, lasers), made.rig), Settings().stripes)
@@ -124,7 +138,18 @@ def rows(
             mesh, _ = cut_touching(mesh)
             mesh, _, _ = drop_islands(mesh, None, grids)
             name = f"{part}, {rig}{KNOWN[calibrated]}"
-            yield row(run, name, lasers, way, mesh, sees)
+            common: Floats | float = 0.0
+            if calibrated:
+                mesh, common = laid(mesh, grids, believed[rig, lasers], made)
+            yield row(run, name, lasers, way, mesh, sees, common)
+
+
+def _calibrated(rig: str, lasers: int, folder: Path) -> Rig:
+    """A rig calibrated from pictures of a board, or the one that is in the folder."""
+    path = folder / f"rig-{rig}-{lasers}.json"
+    if not path.exists():
+        path.write_text(rig_to_json(from_pictures(SimulationSpec("charuco", rig, lasers=lasers))))
+    return rig_from_json(path.read_text())
 
 
 def run(
