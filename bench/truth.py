@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -30,10 +30,10 @@ from turnscan.arrays import Bools, Floats
 from turnscan.detection import detect_scan
 from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh, cut_touching, longest_sides
-from turnscan.rig import Rig, rig_from_json, rig_to_json
+from turnscan.rig import Pose, Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
-from turnscan.simulate import SimulationSpec
+from turnscan.simulate import Bench, SimulationSpec, bench
 from turnscan.surface.clean import drop_islands
 from turnscan.surface.fusion import MergeMethod, merge
 
@@ -120,16 +120,12 @@ def rows(
     calibrated: bool,
 ) -> Iterator[Row]:
     """The table's rows, each scan simulated once."""
-    believed: dict[tuple[str, int], Rig] = {}
     for part, rig, lasers, count in product(parts, rigs, lines, steps):
         spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(spec, folder)
-        if calibrated and (rig, lasers) not in believed:
-            believed[rig, lasers] = _calibrated(rig, lasers, folder)
+        ours = _calibrated(made, rig, lasers, folder) if calibrated else made.rig
         with Scan.open(path) as scan:
-            seen = tuple(
-                detect_scan(scan, believed.get((rig, lasers), made.rig), Settings().stripes)
-            )
+            seen = tuple(detect_scan(scan, ours, Settings().stripes))
         grids = to_grids(seen, Settings()).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
@@ -140,16 +136,20 @@ def rows(
             name = f"{part}, {rig}{KNOWN[calibrated]}"
             common: Floats | float = 0.0
             if calibrated:
-                mesh, common = laid(mesh, grids, believed[rig, lasers], made)
+                mesh, common = laid(mesh, grids, ours, made)
             yield row(run, name, lasers, way, mesh, sees, common)
 
 
-def _calibrated(rig: str, lasers: int, folder: Path) -> Rig:
-    """A rig calibrated from pictures of a board, or the one that is in the folder."""
-    path = folder / f"rig-{rig}-{lasers}.json"
+def _calibrated(made: Bench, rig: str, lasers: int, folder: Path) -> Rig:
+    """A rig calibrated from pictures of a board, or the one that is in the folder, at the height at
+    which it stands on this bench: the camera looks at the middle of each part, and of the board."""
+    spec, path = SimulationSpec("charuco", rig, lasers=lasers), folder / f"rig-{rig}-{lasers}.json"
     if not path.exists():
-        path.write_text(rig_to_json(from_pictures(SimulationSpec("charuco", rig, lasers=lasers))))
-    return rig_from_json(path.read_text())
+        path.write_text(rig_to_json(from_pictures(spec)))
+    believed = rig_from_json(path.read_text())
+    ends = (bench(spec).rig.T_camera_table.translation, made.rig.T_camera_table.translation)
+    lift = Pose(np.eye(3), np.array([0.0, 0.0, ends[0][1] - ends[1][1]]))
+    return replace(believed, T_camera_table=believed.T_camera_table @ lift)
 
 
 def run(
