@@ -12,7 +12,7 @@ from tests.analytic import full_turn, make_rig, scan_shape, sphere
 from turnscan.points import Volume, build_grid, every, grid_findings, pixels_of
 from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points._build import take_steps
-from turnscan.points._wholeness import LitPoints, _bias, _creased, _narrow, wholeness
+from turnscan.points._wholeness import LitPoints, _bias, _creased, _narrow, _round, wholeness
 from turnscan.rig import rotation_z
 
 S, N = 14, 12
@@ -243,6 +243,14 @@ def test_a_crease_is_not_round():
     light.width[::3, :40] = np.hypot(0.4 / np.sqrt(walk[0] * walk[1]), 0.2)[::3, :40]
     told = wholeness(light)
     assert (told.doubt[::3, 2:38] > 0).all()
+
+
+@pytest.mark.parametrize(("arc", "bent", "told"), [(0.5, 3, False), (0.5, 9, True), (3.0, 3, True)])
+def test_profiles_that_the_sheet_reaches_from_a_crease_are_no_round_surface(arc, bent, told):
+    """A corner in steps finer than the sheet bends some profiles alike, by chance."""
+    ratio = np.exp(np.where(np.abs(np.arange(30) - 15) <= bent // 2, 0.2, 0.0))
+    walk = np.stack([ratio, np.ones(30)])[..., None]
+    assert _round(walk, np.full((30, 1), arc), 0.6)[15, 0] == told
 
 
 @pytest.mark.parametrize("k", [-1.2, -0.6, 0.0, 0.5, 1.0])

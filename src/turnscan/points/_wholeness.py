@@ -181,10 +181,13 @@ def _lying(
     def part(a: int, b: int) -> None:
         rows = np.arange(a - 1, b + 1) % size  # those before and after are looked at as well
         beyond = not light.closed and a == 0, not light.closed and b == size
+        wide = np.arange(a - 1 - _STEPS, b + 1 + _STEPS) % size
+        curved = _round(walk[:, wide], arcs[wide], thickness)[_STEPS:-_STEPS]
         some = _Band(
             width[rows],
             walk[:, rows],
             flat[:, rows],
+            curved,
             side[:, rows],
             bright[rows],
             found[rows],
@@ -231,6 +234,8 @@ class _Band(NamedTuple):
     walk: Floats
     flat: Floats
     """(2, s, n) mm: the walk on a surface that goes on flat from further in."""
+    curved: Bools
+    """(s, n) True on a round surface (`_round`)."""
     side: Floats
     light: Floats
     found: Bools
@@ -247,7 +252,7 @@ def _judged(
     due each width is; not of its first and last step."""
     width, walk = some.width, some.walk
     due = due_on(walk)
-    curved = _round(walk)
+    curved = some.curved
     due = np.where(curved, np.sqrt(due[0] * due[1]), due)
     # What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
     # surface may go on flat, or turn with the table as round parts do: what lies between is taken.
@@ -426,18 +431,28 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
     return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
 
 
-def _round(walk: Floats) -> Bools:
+def _round(walk: Floats, arcs: Floats, thickness: float) -> Bools:
     """(s, n) True where the profiles about a point bend alike, and one way: it is on no crease.
 
     In coarse steps the chords before and after lie unlike there, and neither as the surface does.
+    A crease bends all profiles in whose sheet it lies, and by chance alike: more must.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         bend = np.log(walk[0] / walk[1])
-    three = np.stack([np.roll(bend, 1, axis=0), bend, np.roll(bend, -1, axis=0)])
-    size = np.abs(three)
+        reach = np.nan_to_num(_REACH * thickness / arcs)
+    sign, size = np.sign(bend), np.abs(bend)
+    least, most, one_way = size, size, ~np.isnan(bend)
+    for far in range(1, _STEPS + 1):
+        # Beside one, and beyond those that the sheet at the point reaches.
+        asked = reach > far - 1 if far > 1 else np.ones_like(one_way)
+        if not asked.any():
+            break
+        for way in (far, -far):
+            one_way = one_way & (~asked | (np.roll(sign, way, axis=0) == sign))
+            beside = np.where(asked, np.roll(size, way, axis=0), size)
+            least, most = np.minimum(least, beside), np.maximum(most, beside)
     with np.errstate(invalid="ignore"):
-        one_way = np.abs(np.sign(three).sum(axis=0)) == 3
-        return np.asarray(one_way & (size.max(axis=0) <= _ALIKE * size.min(axis=0)))
+        return np.asarray(one_way & (sign != 0) & (most <= _ALIKE * least))
 
 
 def _pinched(width: Floats, amplitude: Floats, beyond: tuple[bool, bool]) -> Floats:
