@@ -17,13 +17,12 @@ from turnscan.arrays import Floats, Ints
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._form_errors import (
-    CELL,
-    CELLS,
     FormError,
     FormKind,
     cell_means,
     cells_of,
     full_enough,
+    well_known,
 )
 from turnscan.shapes.primitives._shapes import Shape, ShapeSet
 from turnscan.shapes.primitives._sizes import LOOK, between_axes, joint, slope_of
@@ -55,8 +54,9 @@ def orientation_errors(mesh: Mesh, found: ShapeSet) -> tuple[FormError, ...]:
     each says more than all pairs.
     """
     out = list[FormError]()
+    known = well_known(mesh, found)
     for k, s in enumerate(found.measured):
-        own = np.flatnonzero(found.used & (found.label == k))
+        own = np.flatnonzero(known & (found.label == k))
         if s.kind in ("cylinder", "cone"):
             out += _one(_round(mesh.vertices[own], s, k, found.residual[own]))
         taken = set[str]()
@@ -101,14 +101,12 @@ def _plane_zone(
 ) -> FormError | None:
     """The width of a plane's surface along the datum's direction, or square to it."""
     s, datum = found.measured[k], found.measured[d]
-    if len(own) < CELL * CELLS:
-        return None
     X = mesh.vertices[own]
-    side = float(np.sqrt(CELL * s.area / len(own)))
-    cell = cells_of(X, side)
-    scatter = cell_means(cell, found.residual[own])[1]
-    if len(scatter) < CELLS:
+    cells = cells_of(X, found.residual[own], s.area)
+    if cells is None:
         return None
+    cell = cells.number
+    scatter = cell_means(cell, found.residual[own], cells.together)[1]
     way = _zone(s.axis, datum.axis, aligned)
     height = cell_means(cell, X @ way)[0]
     middle = np.column_stack([cell_means(cell, X[:, i])[0] for i in range(3)])
@@ -122,7 +120,7 @@ def _plane_zone(
     wide, spread = noise_range(scatter)
     return FormError(
         kind, k, float(np.ptp(height)), float(np.hypot(wide, _HALF * turn)),
-        float(np.hypot(spread, turn)), len(height), side, d,
+        float(np.hypot(spread, turn)), len(height), cells.side, d,
     )  # fmt: skip
 
 
@@ -181,7 +179,7 @@ class _Rings:
 
 def _rings(X: Floats, point: Floats, axis: Floats, slope: float, residual: Floats) -> _Rings:
     """Cut a wall (n, 3) about an axis; ``slope`` is how its radius grows along it, which is taken
-    off, and ``residual`` (n,) mm tells the noise of its points."""
+    off, and ``residual`` (n,) mm tells the noise of its points, and whether neighbours share it."""
     e1, e2 = surface.frame(axis)
     Y = X - point
     z, x, y = Y @ axis, Y @ e1, Y @ e2
@@ -191,7 +189,10 @@ def _rings(X: Floats, point: Floats, axis: Floats, slope: float, residual: Float
     low, long = float(z.min()), max(float(np.ptp(z)), 1e-12)
     ring = np.minimum(((z - low) / long * count).astype(np.int64), count - 1)
     around = int(np.clip(len(X) // count // _RING_CELL, _ROUND, 90))
-    out = _Rings([], [], [], [], 2 * np.pi * float(np.hypot(x, y).mean()) / around)
+    girth = 2 * np.pi * float(np.hypot(x, y).mean())
+    cells = cells_of(X, residual, girth * long)
+    together = 1.0 if cells is None else cells.together
+    out = _Rings([], [], [], [], girth / around)
     for k in range(count):
         on = np.flatnonzero(ring == k)
         keys = (turn[on] * around).astype(np.int64) % around
@@ -202,7 +203,7 @@ def _rings(X: Floats, point: Floats, axis: Floats, slope: float, residual: Float
         out.mean.append(mean)
         middles = np.unique(keys[cell >= 0]) + 0.5
         out.angle.append(np.asarray(middles * (2 * np.pi / around), dtype=np.float64))
-        out.scatter.append(cell_means(cell, residual[on])[1])
+        out.scatter.append(cell_means(cell, residual[on], together)[1])
         out.height.append(low + (k + 0.5) * long / count)
     return out
 
