@@ -140,9 +140,18 @@ class Bounces:
         u, v = np.rint(uv[good, 0]).astype(int), np.rint(uv[good, 1]).astype(int)
         ok = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
         np.add.at(out, (v[ok], u[ok]), photons[good][ok].astype(np.float32))
+        if not ok.any():
+            return out
         rough = float(np.mean([b.material.roughness for b in self._bodies if b.material.specular]))
         spread = 1.0 + 40.0 * rough**2
-        return np.asarray(cv2.GaussianBlur(out, (0, 0), spread), dtype=np.float32)
+        # Only as far round the light as the filter reaches, twice; beyond it there is none.
+        far = 2 * math.ceil(4.0 * spread + 1.0)
+        part = out[
+            max(int(v[ok].min()) - far, 0) : int(v[ok].max()) + far + 1,
+            max(int(u[ok].min()) - far, 0) : int(u[ok].max()) + far + 1,
+        ]
+        part[:] = cv2.GaussianBlur(part.copy(), (0, 0), spread)
+        return out
 
     def _lamps(self, share: Floats, across: Floats) -> tuple[Floats, Floats, Floats]:
         """Where rays across the fan land: points, normals, and the power each scatters."""

@@ -18,7 +18,7 @@ FADED = 2.8
 """Radii of the sheet beyond which there is no light (1.5e-7 of its middle)."""
 
 CLUSTER = 16
-"""Triangles that are culled together."""
+"""Triangles that are culled together, and clusters that are."""
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -50,10 +50,25 @@ def clusters(corners: Floats, normals: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def groups(boxes: Floats) -> Floats:
+    """(m, 12) what `clusters` gives, of each `CLUSTER` of its boxes (n, 12)."""
+    out = np.empty(((len(boxes) + CLUSTER - 1) // CLUSTER, 12))
+    out[:, 0:3] = out[:, 6:9] = np.inf
+    out[:, 3:6] = out[:, 9:12] = -np.inf
+    for b in range(len(boxes)):
+        box = out[b // CLUSTER]
+        for j in range(3):
+            box[j], box[3 + j] = min(box[j], boxes[b, j]), max(box[3 + j], boxes[b, 3 + j])
+            box[6 + j] = min(box[6 + j], boxes[b, 6 + j])
+            box[9 + j] = max(box[9 + j], boxes[b, 9 + j])
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def sheet_polygons(
     corners: Floats,
     normals: Floats,
-    boxes: Floats,
+    boxes: tuple[Floats, Floats],
     R: Floats,
     t: Floats,
     apex: Numbers,
@@ -62,50 +77,63 @@ def sheet_polygons(
 ) -> tuple[Floats, Ints]:
     """Parts of the triangles within reach of the sheet that face both laser and camera.
 
-    ``boxes``: see `clusters`; triangles (f, 3, 3) of a box away from the sheet, or all turned away,
-    are not looked at. ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, the
+    ``boxes``: of `clusters` and `groups`; triangles (f, 3, 3) of a box away from the sheet, or all
+    turned away, are not looked at. ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, the
     aim (3). Returns corner points (m, 3) in the camera frame and, per polygon, where it starts
     (p + 1,).
     """
-    eye = _into_object(0.0 - t[0], 0.0 - t[1], 0.0 - t[2], R)
-    laser = _into_object(apex[0] - t[0], apex[1] - t[1], apex[2] - t[2], R)
-    across = _into_object(sheet[0], sheet[1], sheet[2], R)
     points = np.empty((1024, 3))
     starts = np.zeros(1024, np.int32)
     m = p = 0
     poly, cut = np.empty((8, 4)), np.empty((8, 4))
-    for f in range(len(corners)):
-        if f % CLUSTER == 0:
-            b = f // CLUSTER
-            near = _can_face(boxes, b, eye) and _can_face(boxes, b, laser)
-            near = near and _box_near(boxes, b, R, t, apex, sheet, across, beam)
-        if not near:
-            continue
-        _move(corners, f, R, t, sheet, poly)
-        low, high = min(poly[0, 3], poly[1, 3], poly[2, 3]), max(poly[0, 3], poly[1, 3], poly[2, 3])
-        reach = reach_of(poly[0, 0], poly[0, 1], poly[0, 2], apex, beam)
-        if low > reach or high < -reach or not _faces_both(poly, normals, f, R, apex):
-            continue
-        n = 3
-        if high > reach or low < -reach:
-            n = _clip(poly, n, reach, 1.0, cut)
-            n = _clip(cut, n, reach, -1.0, poly)
-        if n < 3:
-            continue
-        if m + n > len(points):
-            points = np.concatenate((points, np.empty_like(points)))
-        if p + 2 > len(starts):
-            starts = np.concatenate((starts, np.empty_like(starts)))
-        for k in range(n):
-            points[m + k, 0], points[m + k, 1], points[m + k, 2] = (
-                poly[k, 0],
-                poly[k, 1],
-                poly[k, 2],
-            )
-        m += n
-        p += 1
-        starts[p] = m
+    for b in _lit_clusters(boxes[0], boxes[1], R, t, apex, sheet, beam):
+        for f in range(b * CLUSTER, min((b + 1) * CLUSTER, len(corners))):
+            _move(corners, f, R, t, sheet, poly)
+            low = min(poly[0, 3], poly[1, 3], poly[2, 3])
+            high = max(poly[0, 3], poly[1, 3], poly[2, 3])
+            reach = reach_of(poly[0, 0], poly[0, 1], poly[0, 2], apex, beam)
+            if low > reach or high < -reach or not _faces_both(poly, normals, f, R, apex):
+                continue
+            n = 3
+            if high > reach or low < -reach:
+                n = _clip(poly, n, reach, 1.0, cut)
+                n = _clip(cut, n, reach, -1.0, poly)
+            if n < 3:
+                continue
+            if m + n > len(points):
+                points = np.concatenate((points, np.empty_like(points)))
+            if p + 2 > len(starts):
+                starts = np.concatenate((starts, np.empty_like(starts)))
+            for k in range(n):
+                for j in range(3):
+                    points[m + k, j] = poly[k, j]
+            m += n
+            p += 1
+            starts[p] = m
     return points[:m], starts[: p + 1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lit_clusters(
+    small: Floats, large: Floats, R: Floats, t: Floats, apex: Numbers, sheet: Numbers, beam: Numbers
+) -> Ints:
+    """The clusters of triangles, of boxes as of `clusters` and `groups`, that may be lit."""
+    eye = _into_object(0.0 - t[0], 0.0 - t[1], 0.0 - t[2], R)
+    laser = _into_object(apex[0] - t[0], apex[1] - t[1], apex[2] - t[2], R)
+    across = _into_object(sheet[0], sheet[1], sheet[2], R)
+    found, count = np.empty(len(small), np.int32), 0
+    for g in range(len(large)):
+        if not (can_face(large, g, eye) and can_face(large, g, laser)):
+            continue
+        if not _box_near(large, g, R, t, apex, sheet, across, beam):
+            continue
+        for b in range(g * CLUSTER, min((g + 1) * CLUSTER, len(small))):
+            if not (can_face(small, b, eye) and can_face(small, b, laser)):
+                continue
+            if _box_near(small, b, R, t, apex, sheet, across, beam):
+                found[count] = b
+                count += 1
+    return found[:count]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -128,7 +156,7 @@ def _move(corners: Floats, f: int, R: Floats, t: Floats, sheet: Numbers, poly: F
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _can_face(boxes: Floats, i: int, eye: Numbers) -> bool:
+def can_face(boxes: Floats, i: int, eye: Numbers) -> bool:
     """False where no triangle in box i can look towards a place, object frame: the greatest
     product of any normal and any way in their boxes is below 0."""
     most = 0.0

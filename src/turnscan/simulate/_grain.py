@@ -169,15 +169,12 @@ def _low_passed(field: Complexes, filter_: Singles, core: slice) -> Complexes:
     # at either end.
     low = len(filter_[0]) // 2 + 1
     a, b = np.count_nonzero(filter_[0, :low]), np.count_nonzero(filter_[0, low:])
-    ends = (slice(0, a), slice(field.shape[1] - b, None))
-    spectrum = fft.fft(field, axis=1)
-    spectrum = np.concatenate([spectrum[:, part] for part in ends], axis=1)
+    ends = (int(a), int(b))
+    spectrum = kernels.low_frequencies(fft.fft(field, axis=1), ends)
     spectrum = fft.fft(spectrum, axis=0, overwrite_x=True)
-    spectrum[:, :a] *= filter_[:, ends[0]]
-    spectrum[:, a:] *= filter_[:, ends[1]]
-    part = fft.ifft(spectrum, axis=0, overwrite_x=True)[core]
-    full = np.zeros((part.shape[0], field.shape[1]), np.complex64)
-    full[:, ends[0]], full[:, ends[1]] = part[:, :a], part[:, a:]
+    kernels.filtered(spectrum, filter_, ends)
+    part = fft.ifft(spectrum, axis=0, overwrite_x=True)
+    full = kernels.whole_spectrum(part, core.start, core.stop, field.shape[1], ends[0])
     return np.asarray(fft.ifft(full, axis=1, overwrite_x=True))
 
 

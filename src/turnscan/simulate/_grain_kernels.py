@@ -179,7 +179,7 @@ def dress(
     """Give every cell the phasor of its scatterer."""
     rows, columns = amplitude.shape
     phased = turns.size > 0
-    which = np.empty(columns, np.uint32)
+    which, step = np.empty(columns, np.uint16), np.empty(columns, np.int32)
     for r in range(rows):
         first, end = _lit_part(amplitude[r])
         field[r, :first] = 0.0
@@ -190,11 +190,52 @@ def dress(
         if phased:
             turn = turns[r, first:end]
             for c in range(end - first):
-                value = a[c] * phasors[which[c]]
-                out[c] = value * factors[min(int(turn[c] * np.float32(4096.0)), 4095)]
+                step[c] = min(np.int32(turn[c] * np.float32(4096.0)), np.int32(4095))
+            for c in range(end - first):
+                phasor, factor = phasors[which[c]], factors[step[c]]
+                re, im = a[c] * phasor.real, a[c] * phasor.imag
+                out[c] = complex(
+                    re * factor.real - im * factor.imag, re * factor.imag + im * factor.real
+                )
         else:
             for c in range(end - first):
                 out[c] = a[c] * phasors[which[c]]
+
+
+@njit(cache=True, nogil=True)
+def low_frequencies(spectrum: Complexes, ends: tuple[int, int]) -> Complexes:
+    """The first and the last columns, so many of each."""
+    low, high = ends
+    rows, columns = spectrum.shape
+    out = np.empty((rows, low + high), np.complex64)
+    for r in range(rows):
+        out[r, :low] = spectrum[r, :low]
+        out[r, low:] = spectrum[r, columns - high :]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def filtered(spectrum: Complexes, filter_: Singles, ends: tuple[int, int]) -> None:
+    """Multiply what `low_frequencies` left by a filter of the whole spectrum, in place."""
+    low, high = ends
+    rows, columns = filter_.shape
+    for r in range(rows):
+        for c in range(low):
+            spectrum[r, c] *= filter_[r, c]
+        for c in range(high):
+            spectrum[r, low + c] *= filter_[r, columns - high + c]
+
+
+@njit(cache=True, nogil=True)
+def whole_spectrum(part: Complexes, first: int, end: int, columns: int, low: int) -> Complexes:
+    """Rows of what `low_frequencies` left (of ``low`` first columns), with nothing in between."""
+    out = np.empty((end - first, columns), np.complex64)
+    high = part.shape[1] - low
+    for r in range(end - first):
+        out[r, :low] = part[first + r, :low]
+        out[r, low : columns - high] = 0.0
+        out[r, columns - high :] = part[first + r, low:]
+    return out
 
 
 @njit(cache=True, nogil=True)

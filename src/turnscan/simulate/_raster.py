@@ -14,7 +14,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 from turnscan.simulate._airy import Numbers, Singles
-from turnscan.simulate._cut import CLUSTER
+from turnscan.simulate._cut import CLUSTER, can_face
 from turnscan.simulate._random import mix
 
 NEAR = 5e-6
@@ -48,56 +48,72 @@ def projected(vertices: Floats, R: Floats, t: Floats, lens: Numbers, out: Floats
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def nearest(
-    at: Floats, faces: Ints, closed: bool, place: tuple[int, int], margin: float, face: Ints
-) -> Bools:
+    at: Floats, faces: Ints, boxes: Floats, eye: Numbers, closed: bool, place: tuple[int, int],
+    margin: float, face: Ints,
+) -> Bools:  # fmt: skip
     """Fill ``face`` (h, w) with the triangle that each pixel's middle sees, −1 for none; returns
     (h, w) True where only a ray can tell.
 
-    ``at`` (v, 3) from `projected`; of ``closed`` bodies only what faces the camera can be seen;
+    ``at`` (v, 3) from `projected`; ``boxes`` of `_cut.clusters`; of ``closed`` bodies only what
+    faces the camera, which is at ``eye`` in the object's frame, can be seen;
     ``place`` is the first row and column; ``margin`` pixels from an edge nothing is certain.
     """
     h, w = face.shape
     best, doubt = np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)
     top, left = float(place[0]), float(place[1])
-    for f in range(len(faces)):
-        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-        ua, va = at[a, 0] - left, at[a, 1] - top
-        ub, vb = at[b, 0] - left, at[b, 1] - top
-        uc, vc = at[c, 0] - left, at[c, 1] - top
-        u0, u1 = _ends(ua, ub, uc)
-        v0, v1 = _ends(va, vb, vc)
-        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
-        if closed and area > margin * (u1 - u0 + v1 - v0):
+    for box in range(len(boxes)):
+        if closed and not can_face(boxes, box, eye):
             continue
-        c0, c1 = math.ceil(max(u0 - margin, 0.0)), math.floor(min(u1 + margin, w - 1.0))
-        if c0 > c1:
-            continue
-        r0, r1 = math.ceil(max(v0 - margin, 0.0)), math.floor(min(v1 + margin, h - 1.0))
-        if r0 > r1:
-            continue
-        side = 1.0 if area > 0.0 else -1.0
-        ab = side / max(math.sqrt((ub - ua) ** 2 + (vb - va) ** 2), 1e-9)
-        bc = side / max(math.sqrt((uc - ub) ** 2 + (vc - vb) ** 2), 1e-9)
-        ca = side / max(math.sqrt((ua - uc) ** 2 + (va - vc) ** 2), 1e-9)
-        close = max(at[a, 2], at[b, 2], at[c, 2])
-        for r in range(r0, r1 + 1):
-            for k in range(c0, c1 + 1):
-                eab = (ub - ua) * (r - va) - (vb - va) * (k - ua)
-                ebc = (uc - ub) * (r - vb) - (vc - vb) * (k - ub)
-                eca = (ua - uc) * (r - vc) - (va - vc) * (k - uc)
-                inside = min(eab * ab, ebc * bc, eca * ca)
-                if inside < -margin:
-                    continue
-                if not inside > margin:
-                    doubt[r, k] = max(doubt[r, k], close)
-                    continue
-                near = (ebc * at[a, 2] + eca * at[b, 2] + eab * at[c, 2]) / area
-                if abs(near - best[r, k]) <= _LEVEL * near:
-                    doubt[r, k] = max(doubt[r, k], near, best[r, k])
-                if near > best[r, k]:
-                    best[r, k] = near
-                    face[r, k] = f
+        for f in range(box * CLUSTER, min((box + 1) * CLUSTER, len(faces))):
+            a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+            ua, va = at[a, 0] - left, at[a, 1] - top
+            ub, vb = at[b, 0] - left, at[b, 1] - top
+            uc, vc = at[c, 0] - left, at[c, 1] - top
+            u0, u1 = _ends(ua, ub, uc)
+            v0, v1 = _ends(va, vb, vc)
+            c0, c1 = math.ceil(max(u0 - margin, 0.0)), math.floor(min(u1 + margin, w - 1.0))
+            r0, r1 = math.ceil(max(v0 - margin, 0.0)), math.floor(min(v1 + margin, h - 1.0))
+            if (c0 > c1) | (r0 > r1):  # as most: one question, whose answer is hard to foresee
+                continue
+            area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+            if closed and area > margin * (u1 - u0 + v1 - v0):
+                continue
+            side = 1.0 if area > 0.0 else -1.0
+            # No edge is longer than this: most pixels are clear without a root.
+            clear = margin * (u1 - u0 + v1 - v0)
+            close = max(at[a, 2], at[b, 2], at[c, 2])
+            for r in range(r0, r1 + 1):
+                for k in range(c0, c1 + 1):
+                    eab = (ub - ua) * (r - va) - (vb - va) * (k - ua)
+                    ebc = (uc - ub) * (r - vb) - (vc - vb) * (k - ub)
+                    eca = (ua - uc) * (r - vc) - (va - vc) * (k - uc)
+                    inside = min(side * eab, side * ebc, side * eca)
+                    if inside < -clear:
+                        continue
+                    if not inside > clear:
+                        inside = min(
+                            _beside(side * eab, ub - ua, vb - va),
+                            _beside(side * ebc, uc - ub, vc - vb),
+                            _beside(side * eca, ua - uc, va - vc),
+                        )
+                        if inside < -margin:
+                            continue
+                        if not inside > margin:
+                            doubt[r, k] = max(doubt[r, k], close)
+                            continue
+                    near = (ebc * at[a, 2] + eca * at[b, 2] + eab * at[c, 2]) / area
+                    if abs(near - best[r, k]) <= _LEVEL * near:
+                        doubt[r, k] = max(doubt[r, k], near, best[r, k])
+                    if near > best[r, k]:
+                        best[r, k] = near
+                        face[r, k] = f
     return doubt > best * np.float32(1.0 - 2.0 * _LEVEL)
+
+
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _beside(product: float, u: float, v: float) -> float:
+    """Distance from an edge (u, v), from its vector product with the way there."""
+    return product / max(math.sqrt(u * u + v * v), 1e-9)
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -128,64 +144,83 @@ def open_edges(vertices: Floats, faces: Ints) -> np.uint64:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def shadow_heights(
-    corners: Floats, normals: Floats, boxes: Floats, axes: Floats, low: Numbers, per_mm: float,
-    heights: Singles,
+    vertices: Floats, faces: Ints, normals: Floats, boxes: Floats, axes: Floats, low: Numbers,
+    per_mm: float, heights: Singles,
 ) -> None:  # fmt: skip
     """Greatest height towards a lamp of what turns away from it, over each cell of a grid (n, m).
 
-    ``corners`` (f, 3, 3), ``normals`` (f, 3) and ``boxes`` (c, 12) as of `_cut.clusters`; ``axes``
-    (3, 3): two axes across the light, and the unit vector towards the lamp; ``low`` (2,) is where
-    the grid begins. Light enters a closed body through nothing that faces the lamp, so what stands
-    on the way from a place outside all bodies to the lamp turns away from it.
+    ``boxes`` (c, 12) as of `_cut.clusters`; ``axes`` (3, 3): two axes across the light, and the
+    unit vector towards the lamp; ``low`` (2,) is where the grid begins. Light enters a closed body
+    through nothing that faces the lamp, so what stands on the way from a place outside all bodies
+    to the lamp turns away from it.
     """
     n, m = heights.shape
-    for b in range(len(boxes)):
+    at = np.empty((len(vertices), 3), np.float32)
+    for i in range(len(vertices)):
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        at[i, 0] = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z - low[0]) * per_mm
+        at[i, 1] = (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z - low[1]) * per_mm
+        at[i, 2] = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+    above, round_ = np.float32(_ABOVE), np.float32(_ABOVE * per_mm)
+    for box in range(len(boxes)):
         facing = 0.0
         for j in range(3):
-            facing += min(axes[2, j] * boxes[b, 6 + j], axes[2, j] * boxes[b, 9 + j])
+            facing += min(axes[2, j] * boxes[box, 6 + j], axes[2, j] * boxes[box, 9 + j])
         if facing > _EDGE_ON:
             continue
-        for f in range(b * CLUSTER, min((b + 1) * CLUSTER, len(corners))):
+        for f in range(box * CLUSTER, min((box + 1) * CLUSTER, len(faces))):
             facing = 0.0
             for j in range(3):
                 facing += normals[f, j] * axes[2, j]
             if facing > _EDGE_ON:
                 continue
-            sa, ta, ha = _across(corners, f, 0, axes)
-            sb, tb, hb = _across(corners, f, 1, axes)
-            sc, tc, hc = _across(corners, f, 2, axes)
-            s0, s1 = _ends(sa, sb, sc)
-            t0, t1 = _ends(ta, tb, tc)
-            top = max(ha, hb, hc) + _ABOVE
-            i0, i1 = int((s0 - _ABOVE - low[0]) * per_mm), int((s1 + _ABOVE - low[0]) * per_mm)
-            j0, j1 = int((t0 - _ABOVE - low[1]) * per_mm), int((t1 + _ABOVE - low[1]) * per_mm)
+            a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+            s0, s1 = _ends(at[a, 0], at[b, 0], at[c, 0])
+            t0, t1 = _ends(at[a, 1], at[b, 1], at[c, 1])
+            _, top = _ends(at[a, 2], at[b, 2], at[c, 2])
+            top += above
+            i0, i1 = int(s0 - round_), int(s1 + round_)
+            j0, j1 = int(t0 - round_), int(t1 + round_)
             for i in range(max(i0, 0), min(i1, n - 1) + 1):
                 for j in range(max(j0, 0), min(j1, m - 1) + 1):
                     heights[i, j] = max(heights[i, j], top)
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _across(corners: Floats, f: int, k: int, axes: Floats) -> tuple[float, float, float]:
-    x, y, z = corners[f, k, 0], corners[f, k, 1], corners[f, k, 2]
-    return (
-        axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z,
-        axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z,
-        axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z,
-    )
+def _below(
+    x: float, y: float, z: float, axes: Floats, low: Numbers, per_mm: float, heights: Singles
+) -> bool:
+    """False where nothing can stand between a point and the lamp of `shadow_heights`."""
+    i = int((axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z - low[0]) * per_mm)
+    j = int((axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z - low[1]) * per_mm)
+    if not (0 <= i < heights.shape[0] and 0 <= j < heights.shape[1]):
+        return True
+    return heights[i, j] >= axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def below_shadows(
-    points: Floats, axes: Floats, low: Numbers, per_mm: float, heights: Singles
-) -> Bools:
-    """(n,) False where nothing can stand between a point and the lamp of `shadow_heights`."""
-    out = np.ones(len(points), np.bool_)
-    n, m = heights.shape
-    for k in range(len(points)):
-        x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        i = int((axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z - low[0]) * per_mm)
-        j = int((axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z - low[1]) * per_mm)
-        if 0 <= i < n and 0 <= j < m:
-            height = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
-            out[k] = heights[i, j] >= height
-    return out
+def lamp_light(
+    face: Ints, points: Floats, normals: Floats, up: Numbers, lamp: Numbers,
+    shadows: tuple[Floats, Numbers, float, Singles],
+) -> tuple[Floats, Floats, Bools]:  # fmt: skip
+    """How much of the sky points (n, 3) look at, 0.2 to 1; the cosine to the lamp, not below 0; and
+    whether something may stand between; object frame.
+
+    No light for a ``face`` below 0 or a point NaN. ``shadows``: what `shadow_heights` takes and
+    fills, its heights (0, 0) where nothing is to be asked.
+    """
+    n = len(face)
+    sky, facing, asked = np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
+    axes, low, per_mm, heights = shadows
+    for i in range(n):
+        if face[i] < 0 or math.isnan(points[i, 0]):
+            continue
+        above = normals[i, 0] * up[0] + normals[i, 1] * up[1] + normals[i, 2] * up[2]
+        sky[i] = 0.6 + 0.4 * above
+        towards = normals[i, 0] * lamp[0] + normals[i, 1] * lamp[1] + normals[i, 2] * lamp[2]
+        if towards > 0.0:
+            facing[i] = towards
+            asked[i] = _below(
+                points[i, 0], points[i, 1], points[i, 2], axes, low, per_mm, heights
+            )
+    return sky, facing, asked

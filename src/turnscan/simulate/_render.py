@@ -226,9 +226,10 @@ class Renderer:
         from turnscan.simulate import _cut
 
         camera = self.bench.rig.camera
+        tri = self._tri
         corners, starts = _cut.sheet_polygons(
-            *self._tri.clusters, T.rotation, T.translation, tuple(beam.apex.tolist()), sheet,
-            shape_of,
+            tri.corners, tri.flat_normals, tri.boxes, T.rotation, T.translation,
+            tuple(beam.apex.tolist()), sheet, shape_of,
         )  # fmt: skip
         mask = np.zeros((camera.height, camera.width), np.bool_)
         if len(corners):

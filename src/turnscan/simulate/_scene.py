@@ -171,15 +171,18 @@ class Triangles:
         return bool((np.bincount(components(Mesh(self.vertices, self.faces)), volume) > 0).all())
 
     @cached_property
-    def clusters(self) -> tuple[Floats, Floats, Floats]:
-        """Of the triangles, and of boxes round each few of them.
+    def corners(self) -> Floats:
+        """(f, 3, 3) mm, laid out as they are read."""
+        return self.vertices[self.faces]
 
-        Corners (f, 3, 3), laid out as they are read; normals (f, 3); (n, 12) as of `_cut.clusters`.
-        """
+    @cached_property
+    def boxes(self) -> tuple[Floats, Floats]:
+        """Round each few triangles, and round each few of these boxes: (n, 12) and (m, 12), as of
+        `_cut.clusters` and `_cut.groups`."""
         from turnscan.simulate import _cut
 
-        corners = self.vertices[self.faces]
-        return corners, self.flat_normals, _cut.clusters(corners, self.flat_normals)
+        small = _cut.clusters(self.corners, self.flat_normals)
+        return small, _cut.groups(small)
 
 
 def _near_to_far(v: Floats, f: npt.NDArray[np.integer]) -> npt.NDArray[np.intp]:

@@ -84,6 +84,8 @@ class Collected(NamedTuple):
     cycles: Singles
     points: Floats
     """(n, 3) object frame; (0, 3) where not wanted."""
+    pixels: int
+    """That these cells belong to."""
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -92,9 +94,8 @@ def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv:
 
     ``nl``, ``nv``, ``lv``: cosines between normal, light and eye.
     """
-    diffuse = albedo / math.pi
-    if specular <= 0.0 or nl <= 0.0 or nv <= 0.0:
-        return diffuse
+    # Without a branch, so that the compiler can do several at once.
+    shines = (specular > 0.0) & (nl > 0.0) & (nv > 0.0)
     # Half vector h = (l + v)/|l + v| with |l + v|² = 2 + 2 l·v.
     half = 1.0 / math.sqrt(max(2.0 + 2.0 * lv, 1e-12))
     nh, vh = (nl + nv) * half, (1.0 + lv) * half
@@ -104,7 +105,8 @@ def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv:
     gl = nl + math.sqrt(a2 + (1.0 - a2) * nl * nl)
     gv = nv + math.sqrt(a2 + (1.0 - a2) * nv * nv)
     F = specular + (1.0 - specular) * (1.0 - vh) ** 5
-    return diffuse + a2 * F / (math.pi * shape * shape * gl * gv)
+    glossy = a2 * F / (math.pi * shape * shape * gl * gv)
+    return albedo / math.pi + (glossy if shines else 0.0)
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -134,21 +136,20 @@ def glow(
     """
     R, t = pose
     pixels, field, face, normals, lit = seen
-    v, faces, flat, body, paints = bodies
+    v, faces, flat, body, _ = bodies
     oy, ox = cells
     by, bx = blocks
     energy = np.zeros((len(pixels), oy, ox), np.float32)
     rows = len(pixels) if rough.size > 0.0 else 0
     keys, cycles = np.zeros((rows, oy, ox), np.uint32), np.zeros((rows, oy, ox), np.float32)
-    out = Collected(energy.ravel(), keys.ravel(), cycles.ravel(), points.reshape(-1, 3))
-    scale = light.optics[0] / (oy * ox)
-    work, which, count = np.empty(_FIELDS * _BATCH), np.empty(_BATCH, np.int64), 0
+    out = Collected(energy.ravel(), keys.ravel(), cycles.ravel(), points.reshape(-1, 3), len(pixels))
+    order, places, starts = _by_block(blocks, cells)
+    work, which, count = np.empty(_FIELDS * _BATCH), np.empty((3, _BATCH), np.int64), 0
     for k in range(len(lit)):
         if not lit[k]:
             continue
         i, block = k // (by * bx), k % (by * bx)
         row, column = pixels[i, 0], pixels[i, 1]
-        swept = row if len(profile) > 1 else 0
         ky, kx = block // bx, block % bx
         f = face[k]
         n_flat, n = _turned(R, flat, f), _turned(R, normals, k)
@@ -158,50 +159,106 @@ def glow(
         spread = _blurred(
             field, row, column, (ky + 0.5) / by, (kx + 0.5) / bx, n_flat, reach, light
         )
-        of = body[f]
-        for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
-            for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
-                p, q = within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
-                slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
-                if slope >= 0.0:
-                    continue
-                s = reach / slope
-                place, irradiance, exponent = _irradiance(p * s, q * s, s, n, light, spread)
-                if irradiance <= 0.0:
-                    continue
-                place *= profile.shape[1] - 1
-                m = min(int(place), profile.shape[1] - 2)
-                share = profile[swept, m]
-                share += (place - m) * (profile[swept, m + 1] - share)
-                if count == _BATCH:
-                    _emit(work, which, count, scale, pose, light.apex, paints, rough, powers, out)
-                    count = 0
-                which[count] = (i * oy + y) * ox + x
-                work[count], work[count + _BATCH], work[count + 2 * _BATCH] = p * s, q * s, s
-                work[count + 3 * _BATCH] = n[0]
-                work[count + 4 * _BATCH] = n[1]
-                work[count + 5 * _BATCH] = n[2]
-                work[count + 6 * _BATCH] = irradiance * share
-                work[count + 7 * _BATCH] = exponent
-                work[count + 8 * _BATCH] = of
-                count += 1
-    _emit(work, which, count, scale, pose, light.apex, paints, rough, powers, out)
+        for j in range(starts[block], starts[block + 1]):
+            if count == _BATCH:
+                _emit(work, which, count, pose, bodies, light, profile, rough, powers, out)
+                count = 0
+            p, q = within(field, row, column, places[j, 0], places[j, 1])
+            which[0, count], which[1, count] = i * (oy * ox) + order[j], body[f]
+            which[2, count] = row if len(profile) > 1 else 0
+            work[count], work[count + _BATCH] = p, q
+            work[count + 2 * _BATCH] = reach
+            work[count + 3 * _BATCH] = n[0]
+            work[count + 4 * _BATCH] = n[1]
+            work[count + 5 * _BATCH] = n[2]
+            work[count + 6 * _BATCH] = spread
+            work[count + 9 * _BATCH] = n_flat[0]
+            work[count + 10 * _BATCH] = n_flat[1]
+            work[count + 11 * _BATCH] = n_flat[2]
+            count += 1
+    _emit(work, which, count, pose, bodies, light, profile, rough, powers, out)
     return energy, keys, cycles
+
+
+@njit(cache=True, nogil=True)
+def _by_block(
+    blocks: tuple[int, int], cells: tuple[int, int]
+) -> tuple[npt.NDArray[np.int64], Floats, npt.NDArray[np.int64]]:
+    """The cells of a pixel block by block, their places in it (n, 2), and where each block's start
+    in these lists."""
+    by, bx = blocks
+    oy, ox = cells
+    order, starts, m = np.empty(oy * ox, np.int64), np.zeros(by * bx + 1, np.int64), 0
+    places = np.empty((oy * ox, 2))
+    for ky in range(by):
+        for kx in range(bx):
+            for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
+                for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
+                    order[m] = y * ox + x
+                    places[m, 0], places[m, 1] = (y + 0.5) / oy, (x + 0.5) / ox
+                    m += 1
+            starts[ky * bx + kx + 1] = m
+    return order, places, starts
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _light(work: Floats, count: int, light: Illumination) -> None:
+    """Where rays through cells meet the planes of their faces, and the laser's light there.
+
+    ``work`` has `_BATCH` numbers each of the ray's p and q, the plane's distance, the normal (3),
+    the widening by defocus, and as 10th to 12th the plane's normal. Their places are taken by the
+    point (3), the normal, the light in the sheet's middle (0: none), and the exponent of its fall;
+    the 9th becomes the place on the fan. All lie in one array, so that the compiler knows that they
+    do not overlap, and does several cells with one instruction.
+    """
+    for j in range(count):
+        p, q = work[j], work[j + _BATCH]
+        slope = work[j + 9 * _BATCH] * p + work[j + 10 * _BATCH] * q + work[j + 11 * _BATCH]
+        s = work[j + 2 * _BATCH] / slope
+        n = work[j + 3 * _BATCH], work[j + 4 * _BATCH], work[j + 5 * _BATCH]
+        place, irradiance, exponent = _irradiance(p * s, q * s, s, n, light, work[j + 6 * _BATCH])
+        work[j], work[j + _BATCH], work[j + 2 * _BATCH] = p * s, q * s, s
+        work[j + 6 * _BATCH] = irradiance if slope < 0.0 else 0.0
+        work[j + 7 * _BATCH] = exponent
+        work[j + 8 * _BATCH] = place
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _kept(work: Floats, which: npt.NDArray[np.int64], count: int, profile: Floats) -> int:
+    """Move what has light to the front, times its share of the fan; how many these are."""
+    kept = 0
+    last = profile.shape[1] - 1
+    for j in range(count):
+        if work[j + 6 * _BATCH] <= 0.0:
+            continue
+        place = work[j + 8 * _BATCH] * last
+        m = min(int(place), last - 1)
+        share = profile[which[2, j], m]
+        share += (place - m) * (profile[which[2, j], m + 1] - share)
+        work[kept + 6 * _BATCH] = work[j + 6 * _BATCH] * share
+        if kept < j:
+            for field in (0, 1, 2, 3, 4, 5, 7):
+                work[kept + field * _BATCH] = work[j + field * _BATCH]
+            which[0, kept], which[1, kept] = which[0, j], which[1, j]
+        kept += 1
+    return kept
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _emit(
-    work: Floats, which: npt.NDArray[np.int64], count: int, scale: float,
-    pose: tuple[Floats, Floats], apex: Numbers, paints: Floats, rough: Roughness,
-    powers: Floats, out: Collected,
+    work: Floats, which: npt.NDArray[np.int64], count: int, pose: tuple[Floats, Floats],
+    bodies: Bodies, light: Illumination, profile: Floats, rough: Roughness, powers: Floats,
+    out: Collected,
 ) -> None:  # fmt: skip
     """Work out many cells at once, and lay them where they belong.
 
-    ``work`` has `_BATCH` numbers each: the cells' places and normals, camera frame, the irradiance
-    in the sheet's middle, the exponent of its fall, and the body. All lie in one array, so that the
-    compiler knows that they do not overlap, and does several cells with one instruction.
+    ``work`` is as `_light` takes it; ``which`` (3, `_BATCH`): the cell, its body, and its row of
+    the profile.
     """
+    _light(work, count, light)
+    count = _kept(work, which, count, profile)
     R, t = pose
+    paints, scale = bodies.paints, light.optics[0] / (out.energy.size // max(out.pixels, 1))
     a, b, c = R[0, 0], R[0, 1], R[0, 2]
     d, e, f = R[1, 0], R[1, 1], R[1, 2]
     g, h, k = R[2, 0], R[2, 1], R[2, 2]
@@ -212,7 +269,7 @@ def _emit(
         work[j + 10 * _BATCH] = b * wx + e * wy + h * wz
         work[j + 11 * _BATCH] = c * wx + f * wy + k * wz
     for j in range(count):
-        of = int(work[j + 8 * _BATCH])
+        of = which[1, j]
         albedo = paints[of, 0]
         if paints[of, 1] != 0.0:
             albedo *= painted(
@@ -225,17 +282,19 @@ def _emit(
     for j in range(count):
         n = work[j + 3 * _BATCH], work[j + 4 * _BATCH], work[j + 5 * _BATCH]
         back = _returned(
-            work[j], work[j + _BATCH], work[j + 2 * _BATCH], n, apex,
+            work[j], work[j + _BATCH], work[j + 2 * _BATCH], n, light.apex,
             work[j + 12 * _BATCH], work[j + 13 * _BATCH], work[j + 8 * _BATCH],
         )  # fmt: skip
-        here = work[j + 6 * _BATCH] * faded(work[j + 7 * _BATCH], powers)
-        work[j + 6 * _BATCH] = scale * (here * back)
+        work[j + 12 * _BATCH] = back
     for j in range(count):
-        out.energy[which[j]] = work[j + 6 * _BATCH]
+        here = work[j + 6 * _BATCH] * faded(work[j + 7 * _BATCH], powers)
+        work[j + 6 * _BATCH] = scale * (here * work[j + 12 * _BATCH])
+    for j in range(count):
+        out.energy[which[0, j]] = work[j + 6 * _BATCH]
     if len(out.points):
         for j in range(count):
             for axis in range(3):
-                out.points[which[j], axis] = work[j + (9 + axis) * _BATCH]
+                out.points[which[0, j], axis] = work[j + (9 + axis) * _BATCH]
     if len(out.keys):
         keys, cycles = np.empty(_BATCH, np.uint32), np.empty(_BATCH, np.float32)
         for j in range(count):
@@ -243,7 +302,7 @@ def _emit(
                 work[j + 9 * _BATCH], work[j + 10 * _BATCH], work[j + 11 * _BATCH], rough
             )
         for j in range(count):
-            out.keys[which[j]], out.cycles[which[j]] = keys[j], cycles[j]
+            out.keys[which[0, j]], out.cycles[which[0, j]] = keys[j], cycles[j]
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -313,31 +372,29 @@ def _blurred(
     return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, inline="always", error_model="numpy")
 def _irradiance(
     x: float, y: float, depth: float, n: Numbers, light: Illumination, spread: float
 ) -> tuple[float, float, float]:
     """Where on the fan, 0 to 1 (its ends), and of the W/mm² for a share of 1 per unit of s those in
-    the sheet's middle, and x where exp(−x) is left of them.
+    the sheet's middle (0 where no light comes), and x where exp(−x) is left of them.
     """
     apex, beam, fan = light.apex, light.beam, light.fan
     wx, wy, wz = x - apex[0], y - apex[1], depth - apex[2]
     z = wx * beam[4] + wy * beam[5] + wz * beam[6]
     s = (wx * fan[2] + wy * fan[3] + wz * fan[4]) / fan[1]
-    if abs(s) >= z:  # beside the fan, or behind the laser
-        return 0.0, 0.0, 0.0
     far = (z - beam[1]) / beam[2]
     w = beam[0] * math.sqrt(1.0 + far * far) * spread
     d = sheet_distance(x, y, depth, light.sheet)
     facing = -(n[0] * wx + n[1] * wy + n[2] * wz)
-    if abs(d) > FADED * w or facing <= 0.0:
-        return 0.0, 0.0, 0.0
     onward, thick = 1.0 / z, 1.0 / w
     across = math.sqrt(2.0 / math.pi) * thick
     # Power per area of a plane square to the aim; a plane square to the ray gets it over z/length,
     # and the surface times the cosine, which is facing/length.
     middle = fan[0] / fan[1] * across * facing * onward * onward
-    return (s * onward + 1.0) * 0.5, middle, 2.0 * (d * thick) * (d * thick)
+    # Beside the fan or behind the laser (|s| ≥ z), beyond the sheet, or turned away it is dark.
+    lit = (abs(s) < z) & (abs(d) <= FADED * w) & (facing > 0.0)
+    return (s * onward + 1.0) * 0.5, (middle if lit else 0.0), 2.0 * (d * thick) * (d * thick)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

@@ -22,6 +22,8 @@ _PRINT_SAMPLES = 3
 _STRIP = 64
 _SHADOW_CELLS = 128
 """Cells of the grid of shadows along its longer side."""
+_NO_SHADOWS = (np.zeros((3, 3)), (0.0, 0.0), 0.0, np.zeros((0, 0), np.float32))
+"""Where there is no lamp."""
 _AIRY_SIGMA = 0.42
 """rms width of the Gaussian nearest to the Airy disc, in λN'."""
 
@@ -78,7 +80,10 @@ class View:
         if bent or not _raster.projected(tri.vertices, T.rotation, T.translation, lens, at):
             return np.ones(seen.shape, np.bool_)
         margin = _raster.NEAR * max(camera.fx, camera.fy)
-        return _raster.nearest(at, tri.faces, tri.closed, place, margin, seen)
+        eye = tuple(T.inverse().translation.tolist())
+        return _raster.nearest(
+            at, tri.faces, tri.boxes[0], eye, tri.closed, place, margin, seen
+        )
 
     def within(self, T: Pose) -> tuple[slice, slice]:
         """Rows and columns of the rectangle round all bodies."""
@@ -150,38 +155,38 @@ class View:
             face, directions, eye[None],
             tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
         )  # fmt: skip
-        hit = np.flatnonzero(~np.isnan(points[:, 0]))
-        if len(hit) < len(face):
-            points, normals = points[hit], normals[hit]
-        body = tri.body[face[hit]]
-        light = self._irradiance(points, normals, tri.flat_normals[face[hit]], T)
-        dim = bench.scene.background * bench.scene.sky / math.pi
-        radiance = np.full((len(face), colours), dim, np.float32)
-        shown = self._albedo(points, body, colours)
-        radiance[hit] = light[:, None] * shown / math.pi
+        scene = bench.scene
+        light = self._irradiance(face, points, normals, T)
+        dim = scene.background * scene.sky / math.pi
+        body = np.where(face >= 0, tri.body[face], -1)
+        radiance = light[:, None] * self._albedo(points, body, colours) / math.pi
+        radiance = np.where(np.isnan(points[:, :1]), np.float32(dim), radiance.astype(np.float32))
         # With z = 1 in the camera the cosine of the field angle is 1 over the ray's length.
         field4 = np.einsum("ij,ij->i", directions, directions) ** -2
         scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
         radiance *= np.float32(scale) * field4[:, None]
-        owner = np.where(face >= 0, tri.body[face], -1)[:: fine * fine]
-        return radiance.reshape(len(k), fine * fine, colours).mean(axis=1), owner
+        own = radiance.reshape(len(k), fine * fine, colours).mean(axis=1) if fine > 1 else radiance
+        return own, body[:: fine * fine]
 
-    def _irradiance(self, points: Floats, normals: Floats, flat: Floats, T: Pose) -> Floats:
-        """W/mm² of sky and lamp on points, object frame."""
+    def _irradiance(self, face: Ints, points: Floats, normals: Floats, T: Pose) -> Floats:
+        """W/mm² of sky and lamp on points of faces, object frame; 0 where there is no face."""
+        from turnscan.simulate import _raster
+
         scene = self.bench.scene
         table_to_object = T.inverse() @ self.bench.rig.T_camera_table
-        lamp = table_to_object.turn(scene.lamp_from)
+        lamp = table_to_object.turn(scene.lamp_from) if scene.lamp > 0 else np.zeros(3)
         up = table_to_object.turn((0.0, 0.0, 1.0))
-        light = scene.sky * (0.6 + 0.4 * (normals @ up))
-        facing = normals @ lamp
-        k = np.flatnonzero(facing > 0) if scene.lamp > 0 else np.empty(0, np.intp)
-        if len(k):
-            sees = np.ones(len(k), np.bool_)
-            asked = np.flatnonzero(self._shadows(lamp).may_fall(points[k]))
-            at = k[asked]
-            sees[asked] = self._caster.visible(points[at], flat[at], points[at] + 2000.0 * lamp)
-            light[k] += scene.lamp * facing[k] * sees
-        return np.asarray(light)
+        shadows = self._shadows(lamp).heights if scene.lamp > 0 else _NO_SHADOWS
+        sky, facing, asked = _raster.lamp_light(
+            face, points, normals, tuple(up.tolist()), tuple(lamp.tolist()), shadows
+        )
+        at = np.flatnonzero(asked)
+        if len(at):
+            own = points[at]
+            facing[at] *= self._caster.visible(
+                own, self._tri.flat_normals[face[at]], own + 2000.0 * lamp
+            )
+        return np.asarray(scene.sky * sky + scene.lamp * facing)
 
     def _shadows(self, lamp: Floats) -> Shadows:
         """Where shadows may fall in the light from a direction (3,), held for the next call."""
@@ -194,19 +199,21 @@ class View:
         """(n, 1 or 3) reflectance of points (n, 3), object frame."""
         from turnscan.simulate import _shade
 
-        out = np.zeros((len(points), colours))
-        for i, b in enumerate(self.bench.scene.bodies):
-            own = np.flatnonzero(body == i)
+        bodies = self.bench.scene.bodies
+        full = np.array([b.material.albedo for b in bodies] + [(0.0, 0.0, 0.0)])
+        shown = (full if colours == 3 else full.mean(axis=1, keepdims=True))[body]
+        for i, b in enumerate(bodies):
             m = b.material
-            tone = np.ones(len(own))
+            if m.pattern == "none" and b.texture is None:
+                continue
+            own = np.flatnonzero((body == i) & ~np.isnan(points[:, 0]))
             if m.pattern != "none":
                 paint = np.array([1.0, PATTERNS.index(m.pattern), m.pitch, m.pattern_ratio])
-                tone = _shade.paint_all(points[own], paint)
+                shown[own] *= _shade.paint_all(points[own], paint)[:, None]
             if b.texture is not None:
-                tone = tone * b.texture.at(b.T_table_part.inverse().apply(points[own]))
-            full = np.array(m.albedo) if colours == 3 else np.array([np.mean(m.albedo)])
-            out[own] = tone[:, None] * full
-        return out
+                tone = b.texture.at(b.T_table_part.inverse().apply(points[own]))
+                shown[own] *= tone[:, None]
+        return np.asarray(shown)
 
 
 class Shadows:
@@ -218,20 +225,16 @@ class Shadows:
 
         across = np.cross(lamp, np.eye(3)[np.argmin(np.abs(lamp))])
         across /= np.linalg.norm(across)
-        self._axes = np.stack([across, np.cross(lamp, across), lamp])
-        ends = box @ self._axes[:2].T
+        axes = np.stack([across, np.cross(lamp, across), lamp])
+        ends = box @ axes[:2].T
         low, size = ends.min(axis=0) - 1.0, np.ptp(ends, axis=0) + 2.0
-        self._low, self._per_mm = (float(low[0]), float(low[1])), _SHADOW_CELLS / float(size.max())
         # Only of closed bodies is it known that nothing else can stand on the way.
         least = -np.inf if tri.closed else np.inf
-        self._heights = np.full(np.ceil(size * self._per_mm).astype(int) + 1, least, np.float32)
+        per_mm = _SHADOW_CELLS / float(size.max())
+        heights = np.full(np.ceil(size * per_mm).astype(int) + 1, least, np.float32)
+        self.heights = (axes, (float(low[0]), float(low[1])), per_mm, heights)
+        """As `_raster.lamp_light` takes them: of points outside all bodies."""
         if tri.closed:
             _raster.shadow_heights(
-                *tri.clusters, self._axes, self._low, self._per_mm, self._heights
+                tri.vertices, tri.faces, tri.flat_normals, tri.boxes[0], *self.heights
             )
-
-    def may_fall(self, points: Floats) -> Bools:
-        """(n,) False where points (n, 3), which lie outside all bodies, are certainly lit."""
-        from turnscan.simulate import _raster
-
-        return _raster.below_shadows(points, self._axes, self._low, self._per_mm, self._heights)
