@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from turnscan.arrays import Bools, Floats
 from turnscan.mesh import Mesh
-from turnscan.simulate import Body, Part, Renderer, SimulationSpec, _cut, bench, part
+from turnscan.simulate import Body, Part, Renderer, SimulationSpec, _cut, _raster, bench, part
 from turnscan.simulate._render import sheet_numbers
 from turnscan.simulate._scene import triangles
 from turnscan.simulate._view import Shadows
@@ -17,13 +18,17 @@ from turnscan.simulate._view import Shadows
 def test_every_triangle_lies_in_the_boxes_of_its_cluster() -> None:
     """A box too small would make pieces of the stripe vanish."""
     tri = triangles([Body(part("hexagon"))])
-    corners, normals, boxes = tri.clusters
-    assert np.array_equal(sorted(corners.tolist()), sorted(tri.vertices[tri.faces].tolist()))
-    box = boxes[np.arange(len(corners)) // _cut.CLUSTER]
-    assert (corners >= box[:, None, 0:3]).all()
-    assert (corners <= box[:, None, 3:6]).all()
-    assert (normals >= box[:, 6:9]).all()
-    assert (normals <= box[:, 9:12]).all()
+    small, large = tri.boxes
+    assert np.array_equal(tri.corners, tri.vertices[tri.faces])
+    assert len(large) > 1
+    box = small[np.arange(len(tri.faces)) // _cut.CLUSTER]
+    assert (tri.corners >= box[:, None, 0:3]).all()
+    assert (tri.corners <= box[:, None, 3:6]).all()
+    assert (tri.flat_normals >= box[:, 6:9]).all()
+    assert (tri.flat_normals <= box[:, 9:12]).all()
+    around = large[np.arange(len(small)) // _cut.CLUSTER]
+    assert (small[:, [0, 1, 2, 6, 7, 8]] >= around[:, [0, 1, 2, 6, 7, 8]]).all()
+    assert (small[:, [3, 4, 5, 9, 10, 11]] <= around[:, [3, 4, 5, 9, 10, 11]]).all()
 
 
 @pytest.mark.parametrize("bow", [0.0, 2e-4])
@@ -33,13 +38,14 @@ def test_what_the_boxes_leave_out_would_give_no_polygon(bow: float) -> None:
     beam, line = made.beams[0], made.rig.sheet(made.beams[0].name)
     sheet = (*sheet_numbers(line)[:12], bow, -bow, bow)
     shape = (beam.waist, beam.waist_distance, beam.rayleigh, 2.2, *beam.aim.tolist())
-    corners, normals, boxes = triangles(made.scene.bodies).clusters
-    everywhere = np.tile([-1e4] * 3 + [1e4] * 3 + [-1.0] * 3 + [1.0] * 3, (len(boxes), 1))
+    tri = triangles(made.scene.bodies)
+    everywhere = [[-1e4] * 3 + [1e4] * 3 + [-1.0] * 3 + [1.0] * 3]
+    all_boxes = tuple(np.tile(everywhere, (len(boxes), 1)) for boxes in tri.boxes)
     for angle in (0.0, 0.7, 2.1):
         T = made.rig.T_camera_table @ made.motion.pose(angle)
         light = (T.rotation, T.translation, tuple(beam.apex.tolist()), sheet, shape)
-        some = _cut.sheet_polygons(corners, normals, boxes, *light)
-        every = _cut.sheet_polygons(corners, normals, everywhere, *light)
+        some = _cut.sheet_polygons(tri.corners, tri.flat_normals, tri.boxes, *light)
+        every = _cut.sheet_polygons(tri.corners, tri.flat_normals, all_boxes, *light)
         assert len(every[1]) > 50
         for few, all_ in zip(some, every, strict=True):
             assert np.array_equal(few, all_)
@@ -73,7 +79,7 @@ def test_nothing_is_in_a_shadow_where_none_may_fall() -> None:
     for lamp in ([0.7, -0.5, 0.5], [-0.9, 0.1, 0.2]):
         way = np.array(lamp) / np.linalg.norm(lamp)
         k = np.flatnonzero(outside & (flat @ way > 0))
-        may = Shadows(tri, renderer.view._box, way).may_fall(middle[k])
+        may = _may_be_dark(Shadows(tri, renderer.view._box, way), middle[k], flat[k], way)
         lit = renderer._caster.visible(middle[k], flat[k], middle[k] + 2000.0 * way)
         assert lit[~may].all()
         assert (~may).sum() > 0.5 * lit.sum(), "most places are known to be lit"
@@ -101,4 +107,17 @@ def test_of_an_open_body_no_place_is_known_to_be_lit() -> None:
     half = Part("half", Mesh(made.vertices, made.faces[: len(made.faces) // 2]))
     tri = triangles([Body(half)])
     assert not tri.closed
-    assert Shadows(tri, tri.vertices, np.array([0.0, 0.0, 1.0])).may_fall(tri.vertices).all()
+    up = np.array([0.0, 0.0, 1.0])
+    facing = np.broadcast_to(up, tri.vertices.shape)
+    assert _may_be_dark(Shadows(tri, tri.vertices, up), tri.vertices, facing, up).all()
+
+
+def _may_be_dark(shadows: Shadows, points: Floats, normals: Floats, lamp: Floats) -> Bools:
+    """(n,) of points (n, 3) that face a lamp: whether something may stand between."""
+    ways = (0.0, 0.0, 1.0), tuple(lamp.tolist())
+    face = np.zeros(len(points), np.int32)
+    _, facing, asked = _raster.lamp_light(
+        face, points, np.ascontiguousarray(normals), *ways, shadows.heights
+    )
+    assert (facing > 0).all()
+    return asked

@@ -78,9 +78,9 @@ def sheet_polygons(
     """Parts of the triangles within reach of the sheet that face both laser and camera.
 
     ``boxes``: of `clusters` and `groups`; triangles (f, 3, 3) of a box away from the sheet, or all
-    turned away, are not looked at. ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, the
-    aim (3). Returns corner points (m, 3) in the camera frame and, per polygon, where it starts
-    (p + 1,).
+    turned away, are not looked at. ``beam`` holds waist, waist distance, Rayleigh length, reach in
+    radii, the aim (3). Returns corner points (m, 3) in the camera frame and, per polygon, where it
+    starts (p + 1,).
     """
     points = np.empty((1024, 3))
     starts = np.zeros(1024, np.int32)

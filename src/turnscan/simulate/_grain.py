@@ -26,14 +26,14 @@ def hashed_cells(points: Floats, size: float) -> Keys:
 
 
 def index_of_lit(
-    pixels: npt.NDArray[np.int32], energy: Singles, shape: tuple[int, int]
+    pixels: npt.NDArray[np.int32], cells: kernels.Cells, shape: tuple[int, int]
 ) -> npt.NDArray[np.int32]:
     """(H, W) index of each lit pixel in the list, -1 where dark.
 
     Raises ValueError where a pixel is listed twice.
     """
     lit = np.full(shape, -1, np.int32)
-    if kernels.index(pixels, energy, lit):
+    if kernels.index(pixels, cells, lit):
         raise ValueError("speckled: a pixel is listed twice")
     return lit
 
@@ -41,7 +41,7 @@ def index_of_lit(
 def expose_window(
     window: Window,
     lit: npt.NDArray[np.int32],
-    cells: tuple[Singles, Keys, Singles],
+    cells: kernels.Cells,
     grain: Grain,
     seed: int,
     mixture: tuple[float, tuple[float, ...]],
@@ -50,21 +50,19 @@ def expose_window(
 ) -> None:
     """Add the picture of one window to ``out``, from the lit cells in it and in its apron.
 
-    ``cells`` are energy, keys and phase of every lit pixel, the last (0, …) where there is none;
     ``mixture`` is as of `pattern_weights`.
     """
     from scipy import fft
 
-    energy, _, phase = cells
     plain, shares = mixture
-    per_pixel = energy.shape[1:]
+    per_pixel = cells.energy.shape[1:]
     r0, r1, c0, c1 = window
     box = ((r1 - r0 + 2 * apron) * per_pixel[0], (c1 - c0) * per_pixel[1])
     size = (fft.next_fast_len(box[0]), fft.next_fast_len(box[1]))
     light = np.zeros(size, np.float32)
     ids = np.zeros(size if shares else (0, 0), np.uint32)
-    turns = np.zeros(size if shares and len(phase) else (0, 0), np.float32)
-    kernels.gather(lit, (r0 - apron, r1 + apron, c0, c1), *cells, light, ids, turns)
+    turns = np.zeros(size if shares and len(cells.cycles) else (0, 0), np.float32)
+    kernels.gather(lit, (r0 - apron, r1 + apron, c0, c1), cells, light, ids, turns)
     # One row of cells more at either end: the rule that integrates a pixel reaches over its edge.
     core = slice(apron * per_pixel[0] - 1, (apron + r1 - r0) * per_pixel[0] + 1)
     place = (r0, c0, c1 - c0)

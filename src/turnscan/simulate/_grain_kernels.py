@@ -30,18 +30,52 @@ class Roughness(NamedTuple):
     """Waves per mm."""
 
 
+class Cells(NamedTuple):
+    """What the cells of pixels near a stripe send."""
+
+    energy: Singles
+    """(n, oy, ox) photons."""
+    keys: Keys
+    """(n, oy, ox) scatterers, or (0, oy, ox) without speckle."""
+    cycles: Singles
+    """(n, oy, ox) fractions of a cycle, or (0, …) where these are not wanted."""
+    wanted: npt.NDArray[np.bool_]
+    """(n, by, bx) of the blocks of cells: whether they count."""
+
+
 @njit(cache=True, nogil=True)
-def index(pixels: npt.NDArray[np.int32], energy: Singles, lit: npt.NDArray[np.int32]) -> bool:
+def block_of(cell: int, cells: int, blocks: int) -> int:
+    """Which of some blocks along a pixel's side holds a cell."""
+    return cell * blocks // cells
+
+
+@njit(cache=True, nogil=True)
+def index(pixels: npt.NDArray[np.int32], cells: Cells, lit: npt.NDArray[np.int32]) -> bool:
     """Fill ``lit``; pixels without energy stay dark. True where a pixel is listed twice."""
     twice = False
+    _, oy, ox = cells.energy.shape
+    _, by, bx = cells.wanted.shape
     for i in range(len(pixels)):
         r, c = pixels[i, 0], pixels[i, 1]
-        for k in range(energy.shape[1] * energy.shape[2]):
-            if energy[i, k // energy.shape[2], k % energy.shape[2]] > 0.0:
-                twice |= lit[r, c] >= 0
-                lit[r, c] = i
-                break
+        if _is_lit(cells, i, (oy, ox), (by, bx)):
+            twice |= lit[r, c] >= 0
+            lit[r, c] = i
     return twice
+
+
+@njit(cache=True, nogil=True)
+def _is_lit(cells: Cells, i: int, shape: tuple[int, int], blocks: tuple[int, int]) -> bool:
+    for ky in range(blocks[0]):
+        for kx in range(blocks[1]):
+            if not cells.wanted[i, ky, kx]:
+                continue
+            for y in range(shape[0]):
+                if block_of(y, shape[0], blocks[0]) != ky:
+                    continue
+                for x in range(shape[1]):
+                    if block_of(x, shape[1], blocks[1]) == kx and cells.energy[i, y, x] > 0.0:
+                        return True
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -98,9 +132,7 @@ def path_cycles(points: Floats, rough: Roughness, phase: Singles) -> None:
 def gather(
     lit: npt.NDArray[np.int32],
     place: tuple[int, int, int, int],
-    energy: Singles,
-    keys: Keys,
-    phase: Singles,
+    cells: Cells,
     light: Singles,
     ids: Keys,
     turns: Singles,
@@ -108,22 +140,26 @@ def gather(
     """Lay the cells of the lit pixels of a ``place``, rows r0 to r1 and columns c0 to c1, into
     sheets; keys and phase where there are any."""
     r0, r1, c0, c1 = place
-    oy, ox = energy.shape[1], energy.shape[2]
+    energy, keys, cycles, wanted = cells
+    _, oy, ox = energy.shape
+    _, by, bx = wanted.shape
     for r in range(max(r0, 0), min(r1, lit.shape[0])):
         for c in range(c0, c1):
             i = lit[r, c]
             if i < 0:
                 continue
+            left, whole = (c - c0) * ox, wanted[i].all()
             for y in range(oy):
                 row = (r - r0) * oy + y
                 for x in range(ox):
-                    light[row, (c - c0) * ox + x] = energy[i, y, x]
+                    own = whole or wanted[i, block_of(y, oy, by), block_of(x, ox, bx)]
+                    light[row, left + x] = energy[i, y, x] if own else 0.0
                 if len(ids):
                     for x in range(ox):
-                        ids[row, (c - c0) * ox + x] = keys[i, y, x]
+                        ids[row, left + x] = keys[i, y, x]
                 if len(turns):
                     for x in range(ox):
-                        turns[row, (c - c0) * ox + x] = phase[i, y, x]
+                        turns[row, left + x] = cycles[i, y, x]
 
 
 @njit(cache=True, nogil=True)

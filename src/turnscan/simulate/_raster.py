@@ -30,9 +30,9 @@ _GRAIN = 1e6
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def projected(vertices: Floats, R: Floats, t: Floats, lens: Numbers, out: Floats) -> bool:
+def projected(vertices: Floats, R: Floats, t: Floats, lens: Numbers, out: Singles) -> bool:
     """Vertices' pixels and 1/depth, (v, 3), of a pinhole (fx, fy, cx, cy); False where one lies
-    behind it."""
+    behind it. Single precision is a hundredth of the margin that `nearest` is given."""
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
     before = True
     for i in range(len(vertices)):
@@ -48,7 +48,7 @@ def projected(vertices: Floats, R: Floats, t: Floats, lens: Numbers, out: Floats
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def nearest(
-    at: Floats, faces: Ints, boxes: Floats, eye: Numbers, closed: bool, place: tuple[int, int],
+    at: Singles, faces: Ints, boxes: Floats, eye: Numbers, closed: bool, place: tuple[int, int],
     margin: float, face: Ints,
 ) -> Bools:  # fmt: skip
     """Fill ``face`` (h, w) with the triangle that each pixel's middle sees, −1 for none; returns
@@ -61,14 +61,12 @@ def nearest(
     h, w = face.shape
     best, doubt = np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)
     top, left = float(place[0]), float(place[1])
-    for box in range(len(boxes)):
-        if closed and not can_face(boxes, box, eye):
-            continue
+    for box in _facing(boxes, eye, closed):
         for f in range(box * CLUSTER, min((box + 1) * CLUSTER, len(faces))):
             a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-            ua, va = at[a, 0] - left, at[a, 1] - top
-            ub, vb = at[b, 0] - left, at[b, 1] - top
-            uc, vc = at[c, 0] - left, at[c, 1] - top
+            ua, va = float(at[a, 0]) - left, float(at[a, 1]) - top
+            ub, vb = float(at[b, 0]) - left, float(at[b, 1]) - top
+            uc, vc = float(at[c, 0]) - left, float(at[c, 1]) - top
             u0, u1 = _ends(ua, ub, uc)
             v0, v1 = _ends(va, vb, vc)
             c0, c1 = math.ceil(max(u0 - margin, 0.0)), math.floor(min(u1 + margin, w - 1.0))
@@ -88,19 +86,17 @@ def nearest(
                     ebc = (uc - ub) * (r - vb) - (vc - vb) * (k - ub)
                     eca = (ua - uc) * (r - vc) - (va - vc) * (k - uc)
                     inside = min(side * eab, side * ebc, side * eca)
-                    if inside < -clear:
-                        continue
-                    if not inside > clear:
+                    if abs(inside) <= clear:
                         inside = min(
                             _beside(side * eab, ub - ua, vb - va),
                             _beside(side * ebc, uc - ub, vc - vb),
                             _beside(side * eca, ua - uc, va - vc),
                         )
-                        if inside < -margin:
-                            continue
-                        if not inside > margin:
+                        if abs(inside) <= margin:
                             doubt[r, k] = max(doubt[r, k], close)
                             continue
+                    if inside < 0.0:
+                        continue
                     near = (ebc * at[a, 2] + eca * at[b, 2] + eab * at[c, 2]) / area
                     if abs(near - best[r, k]) <= _LEVEL * near:
                         doubt[r, k] = max(doubt[r, k], near, best[r, k])
@@ -108,6 +104,17 @@ def nearest(
                         best[r, k] = near
                         face[r, k] = f
     return doubt > best * np.float32(1.0 - 2.0 * _LEVEL)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _facing(boxes: Floats, eye: Numbers, closed: bool) -> Ints:
+    """The boxes (n, 12) of triangles that may be seen from a place; all of open bodies."""
+    found, count = np.empty(len(boxes), np.int32), 0
+    for box in range(len(boxes)):
+        if not closed or can_face(boxes, box, eye):
+            found[count] = box
+            count += 1
+    return found[:count]
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -177,8 +184,7 @@ def shadow_heights(
             a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
             s0, s1 = _ends(at[a, 0], at[b, 0], at[c, 0])
             t0, t1 = _ends(at[a, 1], at[b, 1], at[c, 1])
-            _, top = _ends(at[a, 2], at[b, 2], at[c, 2])
-            top += above
+            top = _ends(at[a, 2], at[b, 2], at[c, 2])[1] + above
             i0, i1 = int(s0 - round_), int(s1 + round_)
             j0, j1 = int(t0 - round_), int(t1 + round_)
             for i in range(max(i0, 0), min(i1, n - 1) + 1):
@@ -195,7 +201,7 @@ def _below(
     j = int((axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z - low[1]) * per_mm)
     if not (0 <= i < heights.shape[0] and 0 <= j < heights.shape[1]):
         return True
-    return heights[i, j] >= axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+    return bool(heights[i, j] >= axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -220,7 +226,5 @@ def lamp_light(
         towards = normals[i, 0] * lamp[0] + normals[i, 1] * lamp[1] + normals[i, 2] * lamp[2]
         if towards > 0.0:
             facing[i] = towards
-            asked[i] = _below(
-                points[i, 0], points[i, 1], points[i, 2], axes, low, per_mm, heights
-            )
+            asked[i] = _below(points[i, 0], points[i, 1], points[i, 2], axes, low, per_mm, heights)
     return sky, facing, asked

@@ -90,15 +90,6 @@ def jittered(light: Charges, rms: float, seed: np.uint64) -> Charges:
     return out
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _many(mean: float, u: float, centre: Floats, tail: Floats) -> float:
-    """The number of a mean from 16 on, from one uniform number."""
-    z = normal(u, centre, tail)
-    s = math.sqrt(mean - 1.0 / 12.0)
-    x = mean + s * z + (z * z - 1.0) / 6.0 + (z - z * z * z) / (72.0 * s)
-    return max(math.floor(x + 0.5), 0.0)
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def poisson(work: Floats, n: int, tables: Tables) -> None:
     """Draw n Poisson numbers, each from one uniform number in (0, 1).
@@ -109,20 +100,41 @@ def poisson(work: Floats, n: int, tables: Tables) -> None:
     """
     few = many = False
     for j in range(n):
-        mean = work[j]
-        drawn = 0.0 < mean < _FEW
-        nothing = faded(min(max(mean, 0.0), _FEW), tables[2])
-        work[j + 2 * CHUNK] = 0.0
-        work[j + 3 * CHUNK] = nothing if drawn else 0.0
-        work[j + 4 * CHUNK] = nothing if drawn else 1.0
-        few |= drawn
-        many |= mean >= _FEW
+        few |= work[j] < _FEW
+        many |= work[j] >= _FEW
+    if few:
+        few = _nothing(work, n, tables[2])
     if few:
         _few(work, n)
     if many:
-        for j in range(n):
-            if work[j] >= _FEW:
-                work[j + 2 * CHUNK] = _many(work[j], work[j + CHUNK], tables[0], tables[1])
+        normals(work[CHUNK:], n, tables, work[3 * CHUNK :])
+        _many(work, n)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nothing(work: Floats, n: int, powers: Floats) -> bool:
+    """Begin with small means: how likely nothing is drawn; whether there are any above 0."""
+    some = False
+    for j in range(n):
+        mean = work[j]
+        drawn = 0.0 < mean < _FEW
+        nothing = faded(min(max(mean, 0.0), _FEW), powers)
+        work[j + 2 * CHUNK] = 0.0
+        work[j + 3 * CHUNK] = nothing if drawn else 0.0
+        work[j + 4 * CHUNK] = nothing if drawn else 1.0
+        some |= drawn
+    return some
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _many(work: Floats, n: int) -> None:
+    """The numbers of means from 16 on among n, from normal numbers in the 4th part of ``work``."""
+    for j in range(n):
+        mean, z = work[j], work[j + 3 * CHUNK]
+        s = math.sqrt(max(mean, _FEW) - 1.0 / 12.0)
+        x = mean + s * z + (z * z - 1.0) / 6.0 + (z - z * z * z) / (72.0 * s)
+        drawn = max(math.floor(x + 0.5), 0.0)
+        work[j + 2 * CHUNK] = drawn if mean >= _FEW else work[j + 2 * CHUNK]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -186,14 +198,14 @@ def _collect(
         if kept.size:
             for j in range(n):
                 kept[start + j] = drawn[j]
-        _normals(read, n, tables, volts)
+        normals(read, n, tables, volts)
         for j in range(n):
             steps_of[j] = _step(drawn[j], volts[j], converter)
     return excess
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _normals(u: Floats, n: int, tables: Tables, z: Floats) -> None:
+def normals(u: Floats, n: int, tables: Tables, z: Floats) -> None:
     """The normal quantiles of n uniform numbers in (0, 1), as `normal` finds them."""
     centre, tail = tables[0], tables[1]
     for j in range(n):

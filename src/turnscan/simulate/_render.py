@@ -29,11 +29,7 @@ from turnscan.simulate._scene import PATTERNS, Triangles, triangles
 from turnscan.simulate._view import View
 
 if TYPE_CHECKING:
-    from turnscan.simulate._grain_kernels import Roughness
-
-Cells = tuple[Singles, Keys, Singles]
-"""Of each pixel's cells (n, oy, ox): photons, scatterers, and their fractions of a cycle; the last
-two (0, oy, ox) without speckle."""
+    from turnscan.simulate._grain_kernels import Cells, Roughness
 
 _REACH = 2.2
 """Radii of the sheet within which its light is rendered (4.4 σ: 6e-5 of the peak)."""
@@ -102,7 +98,7 @@ class Renderer:
 
     def laser_light(self, T: Pose, beam: Beam, seconds: float, start: float = 0.0) -> Singles:
         """Photons (H, W) of one laser at each pixel; ``T`` is T_camera_object."""
-        from turnscan.simulate import _shade
+        from turnscan.simulate._grain_kernels import Cells
 
         pixels, cells, body = self._cells(T, beam, seconds, start)
         camera = self.bench.rig.camera
@@ -110,18 +106,11 @@ class Renderer:
         out = np.zeros(shape, np.float32)
         if not len(pixels):
             return out
-        groups = self._groups()
-        for contrast, halo, members in groups:
-            where, (own, keys, cycles) = pixels, cells
-            if len(groups) > 1:
-                ours = np.zeros(len(self.bench.scene.bodies) + 1, np.bool_)  # the last: no body, −1
-                ours[members] = True
-                lit, own = _shade.lit_cells(own, body, ours)
-                if not len(lit):
-                    continue
-                where = pixels[lit]
-                keys, cycles = (keys[lit], cycles[lit]) if len(keys) else (keys, cycles)
-            direct = self._imaged(where, (own, keys, cycles), contrast, beam)
+        whose = np.zeros(len(self.bench.scene.bodies) + 1, np.bool_)  # the last: no body, −1
+        for contrast, halo, members in self._groups():
+            whose[:] = False
+            whose[members] = True
+            direct = self._imaged(pixels, Cells(*cells, whose[body]), contrast, beam)
             out += direct if halo is None else self._spread(direct, halo, T)
         if self.bench.bounces:
             out += self._bounced(T, beam, seconds, start)
@@ -156,15 +145,20 @@ class Renderer:
         shape = (bench.rig.camera.height, bench.rig.camera.width)
         if bench.waves == "rays":
             out = np.zeros(shape, np.float32)
-            out[pixels[:, 0], pixels[:, 1]] = cells[0].sum(axis=(1, 2))
+            _, oy, ox = cells.energy.shape
+            _, by, bx = cells.wanted.shape
+            wanted = cells.wanted[:, np.arange(oy) * by // oy][:, :, np.arange(ox) * bx // ox]
+            out[pixels[:, 0], pixels[:, 1]] = (cells.energy * wanted).sum(axis=(1, 2))
             return out
         seen = contrast if bench.waves == "speckle" else 0.0
         seed = int(seed64(bench.seed, bench.beams.index(beam)))
         return speckle.imaged(pixels, cells, shape, bench.grain, seed, seen)
 
-    def _cells(self, T: Pose, beam: Beam, seconds: float, start: float) -> tuple[Ints, Cells, Ints]:
-        """Pixels (n, 2) near the stripe, their cells, and the bodies that the blocks (n, by, bx)
-        of cells see.
+    def _cells(
+        self, T: Pose, beam: Beam, seconds: float, start: float
+    ) -> tuple[Ints, tuple[Singles, Keys, Singles], Ints]:
+        """Pixels (n, 2) near the stripe, of their cells what `Cells` has first, and the bodies that
+        the blocks (n, by, bx) of cells see.
         """
         from turnscan.simulate import _rays, _shade
         from turnscan.simulate._fading import powers_of_e

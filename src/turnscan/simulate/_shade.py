@@ -142,7 +142,9 @@ def glow(
     energy = np.zeros((len(pixels), oy, ox), np.float32)
     rows = len(pixels) if rough.size > 0.0 else 0
     keys, cycles = np.zeros((rows, oy, ox), np.uint32), np.zeros((rows, oy, ox), np.float32)
-    out = Collected(energy.ravel(), keys.ravel(), cycles.ravel(), points.reshape(-1, 3), len(pixels))
+    out = Collected(
+        energy.ravel(), keys.ravel(), cycles.ravel(), points.reshape(-1, 3), len(pixels)
+    )
     order, places, starts = _by_block(blocks, cells)
     work, which, count = np.empty(_FIELDS * _BATCH), np.empty((3, _BATCH), np.int64), 0
     for k in range(len(lit)):
@@ -159,25 +161,40 @@ def glow(
         spread = _blurred(
             field, row, column, (ky + 0.5) / by, (kx + 0.5) / bx, n_flat, reach, light
         )
-        for j in range(starts[block], starts[block + 1]):
-            if count == _BATCH:
+        ray = (row, column, n, n_flat, reach, spread)
+        for first in range(starts[block], starts[block + 1], _BATCH):
+            more = min(_BATCH, starts[block + 1] - first)
+            if count + more > _BATCH:
                 _emit(work, which, count, pose, bodies, light, profile, rough, powers, out)
                 count = 0
-            p, q = within(field, row, column, places[j, 0], places[j, 1])
-            which[0, count], which[1, count] = i * (oy * ox) + order[j], body[f]
-            which[2, count] = row if len(profile) > 1 else 0
-            work[count], work[count + _BATCH] = p, q
-            work[count + 2 * _BATCH] = reach
-            work[count + 3 * _BATCH] = n[0]
-            work[count + 4 * _BATCH] = n[1]
-            work[count + 5 * _BATCH] = n[2]
-            work[count + 6 * _BATCH] = spread
-            work[count + 9 * _BATCH] = n_flat[0]
-            work[count + 10 * _BATCH] = n_flat[1]
-            work[count + 11 * _BATCH] = n_flat[2]
-            count += 1
+            _lay(work, count, field, ray, places[first : first + more])
+            for j in range(more):
+                which[0, count + j] = i * (oy * ox) + order[first + j]
+                which[1, count + j] = body[f]
+                which[2, count + j] = row if len(profile) > 1 else 0
+            count += more
     _emit(work, which, count, pose, bodies, light, profile, rough, powers, out)
     return energy, keys, cycles
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _lay(
+    work: Floats, count: int, field: Floats,
+    ray: tuple[int, int, tuple[float, float, float], tuple[float, float, float], float, float],
+    places: Floats,
+) -> None:  # fmt: skip
+    """Lay cells of one block, at (n, 2) ``places`` of their pixel, into ``work`` after ``count``
+    others, as `_light` takes them; of ``ray``: row, column, normal, plane and its distance, and
+    widening."""
+    row, column, n, n_flat, reach, spread = ray
+    for j in range(len(places)):
+        p, q = within(field, row, column, places[j, 0], places[j, 1])
+        at = count + j
+        work[at], work[at + _BATCH], work[at + 2 * _BATCH] = p, q, reach
+        work[at + 3 * _BATCH], work[at + 4 * _BATCH], work[at + 5 * _BATCH] = n[0], n[1], n[2]
+        work[at + 6 * _BATCH] = spread
+        work[at + 9 * _BATCH], work[at + 10 * _BATCH] = n_flat[0], n_flat[1]
+        work[at + 11 * _BATCH] = n_flat[2]
 
 
 @njit(cache=True, nogil=True)
@@ -289,12 +306,20 @@ def _emit(
     for j in range(count):
         here = work[j + 6 * _BATCH] * faded(work[j + 7 * _BATCH], powers)
         work[j + 6 * _BATCH] = scale * (here * work[j + 12 * _BATCH])
+    _sent(work, which[0], count, rough, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sent(
+    work: Floats, which: npt.NDArray[np.int64], count: int, rough: Roughness, out: Collected
+) -> None:
+    """Lay the cells' light (7th of ``work``), places (10th to 12th) and scatterers into ``out``."""
     for j in range(count):
-        out.energy[which[0, j]] = work[j + 6 * _BATCH]
+        out.energy[which[j]] = work[j + 6 * _BATCH]
     if len(out.points):
         for j in range(count):
             for axis in range(3):
-                out.points[which[0, j], axis] = work[j + (9 + axis) * _BATCH]
+                out.points[which[j], axis] = work[j + (9 + axis) * _BATCH]
     if len(out.keys):
         keys, cycles = np.empty(_BATCH, np.uint32), np.empty(_BATCH, np.float32)
         for j in range(count):
@@ -302,7 +327,7 @@ def _emit(
                 work[j + 9 * _BATCH], work[j + 10 * _BATCH], work[j + 11 * _BATCH], rough
             )
         for j in range(count):
-            out.keys[which[0, j]], out.cycles[which[0, j]] = keys[j], cycles[j]
+            out.keys[which[j]], out.cycles[which[j]] = keys[j], cycles[j]
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -313,34 +338,6 @@ def _turned(R: Floats, vectors: Floats, i: int) -> tuple[float, float, float]:
         R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
         R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
     )
-
-
-@njit(cache=True, nogil=True)
-def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
-    """Pixels with light on some bodies, and the energy (m, oy, ox) of their cells from these only.
-
-    ``energy`` (n, oy, ox); ``body`` (n, by, bx) of the blocks of cells, −1 for none; ``ours``
-    (bodies + 1,), the last for none.
-    """
-    n, oy, ox = energy.shape
-    by, bx = body.shape[1], body.shape[2]
-    which = np.empty(n, np.int32)
-    own = np.zeros((n, oy, ox), np.float32)
-    m = 0
-    for i in range(n):
-        any_light = False
-        for block in range(by * bx):
-            ky, kx = block // bx, block % bx
-            if not ours[body[i, ky, kx]]:
-                continue
-            for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
-                for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
-                    own[m, y, x] = energy[i, y, x]
-                    any_light |= energy[i, y, x] > 0.0
-        if any_light:
-            which[m] = i
-            m += 1
-    return which[:m], own[:m]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -15,12 +15,16 @@ from __future__ import annotations
 
 import math
 from functools import cache, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.simulate._airy import Grain, Keys, Singles, Window, jinc
+
+if TYPE_CHECKING:
+    from turnscan.simulate._grain_kernels import Cells
 
 MAX_PATTERNS = 4
 """Patterns computed at most; lower contrasts are had by mixing in speckle-free light."""
@@ -156,25 +160,27 @@ def speckled(
 
     Raises ValueError, naming the argument, where shapes or values do not fit.
     """
+    from turnscan.simulate._grain_kernels import Cells
+
     where, cells, ids, turns = _checked(pixels, energy, keys, phase, shape, grain)
-    return imaged(where, (cells, ids, turns), shape, grain, seed, contrast)
+    all_ = np.ones((len(where), 1, 1), np.bool_)
+    return imaged(where, Cells(cells, ids, turns, all_), shape, grain, seed, contrast)
 
 
 def imaged(
     where: npt.NDArray[np.int32],
-    cells: tuple[Singles, Keys, Singles],
+    cells: Cells,
     shape: tuple[int, int],
     grain: Grain,
     seed: int,
     contrast: float,
 ) -> Singles:
-    """As `speckled`, of arrays that are known to fit: pixels, and energy, keys and phase of their
-    cells; the phase, and without contrast the keys, may be (0, …)."""
+    """As `speckled`, of arrays that are known to fit: pixels and their cells."""
     from turnscan.simulate import _grain
 
     out = np.zeros(shape, np.float32)
     mixture = pattern_weights(contrast)
-    lit = _grain.index_of_lit(where, cells[0], shape)
+    lit = _grain.index_of_lit(where, cells, shape)
     apron = max(1, math.ceil(_APRON_GRAINS * max(grain)))
     for window in _windows(lit, apron):
         _grain.expose_window(window, lit, cells, grain, seed, mixture, apron, out)

@@ -74,16 +74,14 @@ class View:
         from turnscan.simulate import _raster
 
         camera, tri = self.bench.rig.camera, self._tri
-        at = np.empty_like(tri.vertices)
+        at = np.empty(tri.vertices.shape, np.float32)
         lens = (camera.fx, camera.fy, camera.cx, camera.cy)
         bent = bool(camera.distortion.any() or camera.tilt.any())
         if bent or not _raster.projected(tri.vertices, T.rotation, T.translation, lens, at):
             return np.ones(seen.shape, np.bool_)
         margin = _raster.NEAR * max(camera.fx, camera.fy)
         eye = tuple(T.inverse().translation.tolist())
-        return _raster.nearest(
-            at, tri.faces, tri.boxes[0], eye, tri.closed, place, margin, seen
-        )
+        return _raster.nearest(at, tri.faces, tri.boxes[0], eye, tri.closed, place, margin, seen)
 
     def within(self, T: Pose) -> tuple[slice, slice]:
         """Rows and columns of the rectangle round all bodies."""
@@ -165,8 +163,9 @@ class View:
         field4 = np.einsum("ij,ij->i", directions, directions) ** -2
         scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
         radiance *= np.float32(scale) * field4[:, None]
-        own = radiance.reshape(len(k), fine * fine, colours).mean(axis=1) if fine > 1 else radiance
-        return own, body[:: fine * fine]
+        if fine > 1:
+            radiance = radiance.reshape(len(k), fine * fine, colours).mean(axis=1)
+        return np.asarray(radiance, dtype=np.float32), body[:: fine * fine]
 
     def _irradiance(self, face: Ints, points: Floats, normals: Floats, T: Pose) -> Floats:
         """W/mm² of sky and lamp on points of faces, object frame; 0 where there is no face."""
