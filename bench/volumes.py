@@ -5,8 +5,9 @@ and upside down, and closes what was not seen, as ``turnscan reconstruct --close
 parts in two or three poses each, joined and closed, on the modern rig. ``--quick`` takes the parts
 as they stand alone, and the paper rig for the joined ones. ``python -m bench.volumes --keep
 FOLDER`` keeps the simulated scans there and finds them again, ``--only alone`` or ``--only
-joined`` prints one table, ``--parts sphere,torus`` some parts alone, ``--write`` puts the table of
-single scans into docs/explain/accuracy.md.
+joined`` prints one table, ``--parts sphere,torus`` some parts alone, ``--write`` puts the rows of
+single scans into docs/explain/accuracy.md, each with its commit; those of what was not measured
+again stay.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from bench import _hole_truth as truth
 from bench import _keep, _page
+from bench._page import MEASURED
 from bench.surface_truth import Size, scanned
 from turnscan import poses, shapes
 from turnscan.detection import detect_scan
@@ -100,9 +103,12 @@ STANDS: Mapping[str, Mapping[str, object]] = {
 STEPS = 48
 """A turn in coarse steps, as newcomers begin, on the paper's rig."""
 HEAD = (
-    "| part | stands | error | u | error / u | measured ± mm³ | filled ± mm³ | not measured |",
-    "|---|---|---|---|---|---|---|---|",
+    "| part | stands | error | u | error / u | measured ± mm³ | filled ± mm³ | not measured "
+    f"| {MEASURED} |",
+    "|" + "---|" * 9,
 )
+_RATIO = 4
+"""Column of the error over its uncertainty."""
 
 
 @dataclass(frozen=True)
@@ -153,13 +159,15 @@ def alone(scene: str, stands: str, folder: Path) -> Alone:
     return Alone(scene, stands, true, mesh.volume, known, filled)
 
 
-def said(found: Sequence[Alone]) -> str:
-    """What all single scans come to."""
-    ratios = np.abs([r.ratio for r in found if r.known is not None])
+def said(rows: Sequence[str]) -> str:
+    """What all single scans of a table's rows come to."""
+    told = [_page.cells(row)[_RATIO] for row in rows]
+    ratios = np.array([float(cell) for cell in told if cell])
+    usual = float(np.median(1 / np.maximum(ratios, 0.005)))
     return (
-        f"Of {len(found)} scans {len(ratios)} could be closed; {np.mean(ratios <= 2):.0%} of their "
+        f"Of {len(rows)} scans {len(ratios)} could be closed; {np.mean(ratios <= 2):.0%} of their "
         f"volumes are right within 2 u (wanted: 95 %), and the usual u is "
-        f"{np.median(1 / ratios):.1f} errors wide (wanted: 4 at most)."
+        f"{usual:.1f} errors wide (wanted: 4 at most)."
     )
 
 
@@ -168,15 +176,21 @@ def singles(
 ) -> None:
     """The table of single scans."""
     print("\n".join(HEAD))
-    found = list[Alone]()
-    for how in stands:
-        for scene in scenes:
-            found.append(alone(scene, how, folder))
-            print(found[-1].line(), flush=True)
-    print(said(found))
+    rows = list[str]()
+    for how, scene in product(stands, scenes):
+        rows += _page.measured([alone(scene, how, folder).line()], "rig known")
+        print(rows[-1], flush=True)
+    print(said(rows))
     if into_pages:
-        lines = [*HEAD, *(r.line() for r in found), "", said(found)]
-        _page.write(_page.ACCURACY, "volumes", lines)
+        old = _page.figures(_page.ACCURACY, "volumes")
+        table = _page.replaced(old, [*HEAD, *rows], 2, ALONE)
+        order = list(STANDS)
+        place = {
+            row: (ALONE.index(_page.cells(row)[0]), order.index(_page.cells(row)[1]))
+            for row in table[2:]
+        }
+        table[2:] = sorted(table[2:], key=lambda row: place[row])
+        _page.write(_page.ACCURACY, "volumes", [*table, "", said(table[2:])])
 
 
 @dataclass(frozen=True)
