@@ -56,9 +56,9 @@ def test_the_box_is_a_box(job: Path, suffix: str) -> None:
     opposite = angle[angle > 135]
     adjacent = angle[angle < 135]
     assert len(opposite) == 2
-    # 0.27° and 0.42°; without sigmas, of which a DXF has none, 0.62° and 0.44°. The rig's own
-    # uncertainty makes 0.11° of it, one sigma (docs/decisions/0022-sides-of-a-box.md).
-    assert 0.02 < np.abs(opposite - 180).max() <= {".ply": 0.45, ".dxf": 0.7}[suffix]
+    # 0.27° and 0.28°; more without sigmas, of which a DXF has none. The rig's own uncertainty
+    # makes 0.11° of it, one sigma (docs/decisions/0022-sides-of-a-box.md).
+    assert 0.02 < np.abs(opposite - 180).max() <= {".ply": 0.3, ".dxf": 0.7}[suffix]
     assert np.abs(adjacent - 90).max() <= 0.6
 
 
