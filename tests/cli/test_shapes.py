@@ -60,7 +60,8 @@ def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> No
     _run("shapes", part, "--report", table)
     rows = list(csv.DictReader(table.read_text().splitlines()))
     quantities = sorted(r["quantity"] for r in rows)
-    assert quantities == 4 * ["angle"] + 2 * ["distance"] + 4 * ["flatness"]
+    forms = 4 * ["flatness"] + 2 * ["parallelism"] + 2 * ["perpendicularity"]
+    assert quantities == 4 * ["angle"] + 2 * ["distance"] + forms
     sides = [r for r in rows if r["quantity"] == "distance"]
     assert sorted(round(float(r["value"]), 1) for r in sides) == [30, 40]
     for row in sides:
@@ -140,12 +141,15 @@ def test_all_freeform_is_said(tmp_path: Path) -> None:
     path = tmp_path / "vase.ply"
     path.write_bytes(write_ply(noisy(Mesh(X, body.faces), 0.02, 2)))
     assert "freeform: no shape" in _run("shapes", path)
+    assert "freeform: no shape" in _run("measure", path)
 
 
 def test_a_dimension_report_shows_each_feature(part: Path, tmp_path: Path) -> None:
     page, sheet, table, data = (tmp_path / f"m.{s}" for s in ("html", "pdf", "csv", "json"))
     said = _run("measure", part, "--report", page)
     assert "plane 1 to plane 2: " in said or "plane 1 to plane 3: " in said
+    assert said.replace(f"{page}: written\n", "") == _run("measure", part)  # without options, too
+    assert "distance" not in _run("measure", part, "--planes")
     text = page.read_text()
     assert text.count("<img") == 1 + len({*_features(_run("measure", part, "--report", table))})
     assert "U (k = 2)" in text

@@ -33,7 +33,7 @@ from turnscan.workflows._loading import Source, load
 from turnscan.workflows._measure_options import MeasureOptions
 from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._report import ReportTable
-from turnscan.workflows._shapes import FoundShapes, find_shapes
+from turnscan.workflows._shapes import FoundShapes, find_shapes, in_words
 from turnscan.workflows._shapes_table import Dimension
 
 _SAME = 1e-6
@@ -66,6 +66,8 @@ class Measured:
 
     def __str__(self) -> str:
         lines = self.summary()
+        if self.shapes is not None and not self.shapes.found.shapes:
+            return "\n".join([*lines, *in_words(self.shapes)])
         for d in self.shapes.dimensions if self.shapes else ():
             value = with_sigma(d.value, d.sigma)
             lines.append(f"{d.feature}: {d.quantity} {value} {d.unit}, {d.rests_on}")
@@ -96,7 +98,7 @@ def measure(
     progress: Progress = no_progress,
     **changes: Any,
 ) -> Measured:
-    """Measure a surface: size and volume, and the shapes that the options ask for.
+    """Measure a surface: its volume, and every size or the shapes that the options ask for.
 
     Only what was measured is fitted, no vertex of a filling, as far as the source tells them apart;
     points weigh 1/sigma² where their sigma is known. Uncertainties follow from the scatter of the
@@ -108,7 +110,7 @@ def measure(
         A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
         with its own settings.
     options
-        What to measure; None: size and volume.
+        What to measure; None: every size, as far as shapes are found.
     progress
         Told how far the reconstruction of a scan is; it may cancel.
     changes
@@ -147,7 +149,7 @@ def measure(
         result["sphere"] = _sphere(mesh)
     if wanted.cylinder:
         result["cylinder"] = _cylinder(mesh)
-    if not wanted.sizes:
+    if not wanted.every_size or not (wanted.sizes or len(mesh.faces)):
         return Measured(result, loaded.findings)
     found = find_shapes(source)
     result["sizes"] = found.figures()["sizes"]

@@ -15,7 +15,7 @@ class MeasureOptions(Checked):
         False, "switch",
         "Find the shapes of the part and list every size: distances of parallel sides, diameters, "
         "angles, positions of holes, step heights, wall thickness, flatness, roundness, "
-        "parallelism, perpendicularity, run-out.",
+        "parallelism, perpendicularity, run-out.  [default: where nothing else is asked for]",
     )  # fmt: skip
     planes: bool = option(
         False, "switch", "Find planar faces of the part and the angles between them."
@@ -31,3 +31,8 @@ class MeasureOptions(Checked):
     )
     sphere: bool = option(False, "switch", "Fit a sphere to all measured points.")
     cylinder: bool = option(False, "switch", "Fit a cylinder to all measured points.")
+
+    @property
+    def every_size(self) -> bool:
+        """Whether every size is listed."""
+        return self.sizes or not (self.planes or self.sphere or self.cylinder)
