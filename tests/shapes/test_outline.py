@@ -319,3 +319,13 @@ def test_fillets_of_few_points_count_that_their_ends_are_not_sure() -> None:
     assert np.abs(z).max() < 4.0
     assert 0.7 < float(np.std(z)) < 1.3
     assert 0.012 < float(np.mean(known)) < 0.03
+
+
+def test_an_arc_whose_bow_is_lost_in_its_radius_is_a_line() -> None:
+    """Its curvature was dropped where the equations were solved: R17720 ± 19 of a straight wall."""
+    dice = np.random.default_rng(0)
+    z = np.linspace(0, 36, 28)
+    bow = 0.012 * (1 - (z / 18 - 1) ** 2)
+    points = np.column_stack([18 + bow + dice.normal(0, 1e-3, len(z)), z])
+    (outline,) = fit_outlines([chain_of(points, 1e-3, closed=False)], 0.02)[0]
+    assert [type(p).__name__ for p in outline.pieces] == ["Line"]

@@ -69,10 +69,10 @@ def test_an_oval_bore_is_out_of_round_by_what_it_is_and_a_boss_beside_the_axis_r
     assert r.minimum_zone <= r.least_squares
     assert r.radius == pytest.approx(10, abs=0.003)
     both = turned([(25, 0), (25, 40)], 0.8, 200)
-    high = both.vertices[:, 2] > 36
+    high = both.vertices[:, 2] > 32
     moved = both.vertices + np.where(high[:, None], [0.1, 0.0, 0.0], 0.0)
     found = turned_about(noisy(Mesh(moved, both.faces), 0.005, 2))
-    low, top = roundness(found, [-10.0, 18.5])
+    low, top = roundness(found, [-10.0, 16.0])
     assert low.eccentricity < 0.01
     assert top.eccentricity == pytest.approx(0.1, abs=0.03)
     assert top.run_out > top.least_squares + 0.05
@@ -205,3 +205,38 @@ def test_a_low_wall_between_edges_is_not_better_known_than_it_is() -> None:
     for r in rounds:
         assert r.radius == pytest.approx(30, abs=4 * r.radius_sigma)
         assert r.radius_sigma < 0.1
+
+
+def test_beside_an_edge_no_form_is_shown() -> None:
+    """There stripes are bent, and the band about the height reaches over the edge."""
+    found = turned_about(noisy(turned(SHAFT, 1.0, 120), NOISE, 1))
+    low = float(found.z.min())
+    for height, known in ((10.0, True), (19.5, False), (32.0, True), (44.6, False)):
+        rounds = roundness(found, [low + height])
+        assert [np.isfinite(r.noise) for r in rounds] == [known] * len(rounds)
+        assert len(rounds) == 1 or not known
+        for r in rounds:
+            assert not known or r.least_squares < r.noise + 4 * r.sigma
+
+
+def test_a_wall_in_coarse_steps_has_its_roundness() -> None:
+    """Cells between two stripes are empty: they are no part of the turn that was not seen."""
+    for steps in (24, 60):
+        found = turned_about(noisy(turned([(25, 0), (25, 60)], 0.8, steps), NOISE, 1))
+        (one,) = roundness(found, [0.0])
+        assert one.covered == 1.0
+        assert one.radius == pytest.approx(25, abs=0.01)
+
+
+def test_what_moves_all_points_outward_counts_in_the_diameter() -> None:
+    mesh = noisy(turned([(25, 0), (25, 60)], 1.0, 120), NOISE, 1)
+    out = mesh.vertices * [1, 1, 0] / 25
+    plain, unsure = (turned_about(mesh, moves) for moves in ((), (0.01 * out, 0.02 * out)))
+    (one,), (other,) = roundness(plain, [0.0]), roundness(unsure, [0.0])
+    assert one.radius_sigma < 0.005
+    assert other.radius_sigma == pytest.approx(np.hypot(0.01, 0.02), rel=0.05)
+    cut, chains = wall_profile(unsure)
+    assert cut.turned
+    (wall,) = (p for o in fit_outlines(chains)[0] for p in axis_counted(o, unsure).pieces)
+    assert isinstance(wall, Line)
+    assert wall.sigma == pytest.approx(np.hypot(0.01, 0.02), rel=0.05)

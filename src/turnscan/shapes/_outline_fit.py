@@ -52,6 +52,8 @@ _KNOWN, _SPLINED, _STRAIGHT = 0.25, 8, float(np.deg2rad(45.0))
 standard deviations from none, for the search takes the best of many stretches, each of which has
 three by chance. Points of another that are a spline instead of a line; radians that it turns by at
 least for that."""
+_FLAT = 4e-3
+"""Radians that an arc turns by at the least: half a thousandth of its length is its bow then."""
 _ROUND = 5
 """Places of an arc at the least: the two on either side of an edge lie on a circle by symmetry."""
 _POLYGON = 0.7
@@ -173,20 +175,25 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
             bodies = _rounded(chain, scale, noise, bodies)
         ties = _ties(chain, scale, noise, bodies, closed, tolerance)
     count_borders(chain, bodies, ties, scale, noise, closed)
-    while not (_is_circle(bodies, closed) or all(map(_known, bodies))):
+    while not (_is_circle(bodies, closed) or all(_known(chain, b) for b in bodies)):
         # The next may be known by this one alone.
-        spans = [(b.kind if _known(b) else _plainer(chain, b), *b.ways) for b in bodies]
+        spans = [(b.kind if _known(chain, b) else _plainer(chain, b), *b.ways) for b in bodies]
         bodies = _bodies(chain, use, scale, noise, spans)
         ties = _ties(chain, scale, noise, bodies, closed, tolerance)
         count_borders(chain, bodies, ties, scale, noise, closed)
-    if closed and not _encloses(bodies):
+    if closed and not _encloses(chain, bodies):
         return None
     return assemble(Settled(chain, closed, bodies, ties, scale, noise, tolerance))
 
 
-def _known(body: Body) -> bool:
-    """Whether it is no arc, or one whose radius is known."""
-    return body.kind != "arc" or bool(np.sqrt(body.covariance[2, 2]) <= _KNOWN * body.p[2])
+def _known(chain: Chain, body: Body) -> bool:
+    """Whether it is no arc, or one whose radius is known. That of one which hardly turns has no
+    uncertainty that could be computed: its bow is lost in the digits of its radius and middle."""
+    if body.kind != "arc":
+        return True
+    if _length(chain, body) < _FLAT * float(body.p[2]):
+        return False
+    return bool(np.sqrt(body.covariance[2, 2]) <= _KNOWN * body.p[2])
 
 
 def _plainer(chain: Chain, body: Body) -> str:
@@ -195,9 +202,9 @@ def _plainer(chain: Chain, body: Body) -> str:
     return "spline" if bent and len(body.rows) >= _SPLINED else "line"
 
 
-def _encloses(bodies: list[Body]) -> bool:
+def _encloses(chain: Chain, bodies: list[Body]) -> bool:
     """Whether a closed outline has an inside: two lines have none."""
-    return len(bodies) > 2 or any(b.kind != "line" and _known(b) for b in bodies)
+    return len(bodies) > 2 or any(b.kind != "line" and _known(chain, b) for b in bodies)
 
 
 def _is_circle(bodies: list[Body], closed: bool) -> bool:

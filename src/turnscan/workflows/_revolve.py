@@ -48,6 +48,8 @@ from turnscan.workflows._shapes_step import is_step
 from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
 
 _HEIGHTS = 10
+_UPRIGHT = float(np.deg2rad(1.0))
+"""Between a wall and the axis, up to which it has a diameter and not an angle."""
 _MOSTLY = 0.9
 """Share of the points on the surface of revolution below which it is said."""
 _PLACES = 5
@@ -310,7 +312,7 @@ def _of_profile(part: RevolvedPart) -> list[Dimension]:
                 low, high = sorted((p.start[1] - part.foot, p.end[1] - part.foot))
                 where = f"wall {low:.2f} to {high:.2f} mm"
                 lean = float(np.rad2deg(np.arcsin(np.clip((p.end - p.start)[0] / p.length, -1, 1))))
-                if abs(lean) < 1.0:
+                if abs(lean) < np.rad2deg(_UPRIGHT):
                     radius = float(p.start[0] + p.end[0]) / 2
                     out.append(Dimension(where, "diameter", 2 * radius, 2 * p.sigma, "mm", rests))
                 elif abs(lean) < 89.0:
@@ -319,7 +321,22 @@ def _of_profile(part: RevolvedPart) -> list[Dimension]:
             elif isinstance(p, Arc) and _bow(p) > part.turned.sigma:
                 where = f"arc at {p.centre[1] - part.foot:.2f} mm"
                 out.append(Dimension(where, "radius", p.radius, p.radius_sigma, "mm", rests))
+            elif isinstance(p, Arc):
+                out += _hidden_bow(part, p, rests)
     return out
+
+
+def _hidden_bow(part: RevolvedPart, arc: Arc, rests: str) -> list[Dimension]:
+    """The diameter of a wall whose bow noise would hide: the mean of it, known as far as it is."""
+    way = arc.end - arc.start
+    if abs(way[0]) > np.sin(_UPRIGHT) * np.hypot(*way):
+        return []
+    low, high = sorted((arc.start[1] - part.foot, arc.end[1] - part.foot))
+    points = arc.sampled(1e-6)
+    bow = _bow(arc)
+    where = f"wall {low:.2f} to {high:.2f} mm"
+    said = f"{rests}; it may be bowed by {bow:.2g} mm"
+    return [Dimension(where, "diameter", 2 * float(points[:, 0].mean()), 2 * bow, "mm", said)]
 
 
 def _bow(arc: Arc) -> float:
@@ -354,7 +371,7 @@ def _of_rounds(part: RevolvedPart) -> list[Dimension]:
 
 def _noise(value: float, noise: float, sigma: float) -> str:
     if not np.isfinite(noise):
-        return "too few points to tell their noise, so none is shown"
+        return "too few points to tell their noise, or an edge beside it, so none is shown"
     shown = "" if value > noise + _SURE * sigma else ", so none is shown"
     return f"noise alone gives {noise:.2g} mm{shown}"
 

@@ -105,6 +105,9 @@ class Turned:
     """mm between neighbours."""
     sigma: float
     """mm: one standard deviation of the points on the surface about the mean profile."""
+    moves: tuple[Floats, ...] = ()
+    """(v, 2) mm each, along r and z: how the points move with one standard deviation of each
+    common cause, such as the calibration."""
 
     @property
     def share(self) -> float:
@@ -135,8 +138,9 @@ def turned_about(mesh: Mesh, moves: Iterable[Floats] = ()) -> Turned:
         fit.settle(h)
     fit.check(ground.spacing)
     covariance = fit.covariance(ground.spacing)
-    for field in moves:
-        answer = fit.answer(np.asarray(field)[np.flatnonzero(inside)])
+    fields = [np.asarray(field)[np.flatnonzero(inside)] for field in moves]
+    for field in fields:
+        answer = fit.answer(field)
         covariance = covariance + np.outer(answer, answer)
     axis = Axis(fit.point, fit.direction, covariance)
     moved = (part.vertices - axis.point) @ axis.basis.T
@@ -144,7 +148,12 @@ def turned_about(mesh: Mesh, moves: Iterable[Floats] = ()) -> Turned:
     sigma = float(np.sqrt(np.mean(fit.e[fit.on] ** 2)))
     angle = np.arctan2(moved[:, 1], moved[:, 0])
     normal = _sharp_normals(own, fit, angle, _SHARP * ground.spacing)
-    return Turned(axis, own, fit.r, angle, fit.z, normal, fit.e, fit.on, ground.spacing, sigma)
+    turn = [f @ axis.basis.T for f in fields]
+    c, s = np.cos(angle), np.sin(angle)
+    flat = tuple(np.column_stack([f[:, 0] * c + f[:, 1] * s, f[:, 2]]) for f in turn)
+    return Turned(
+        axis, own, fit.r, angle, fit.z, normal, fit.e, fit.on, ground.spacing, sigma, flat
+    )
 
 
 def _sharp_normals(mesh: Mesh, fit: _Fit, angle: Floats, h: float) -> Floats:

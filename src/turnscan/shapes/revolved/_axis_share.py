@@ -1,4 +1,5 @@
-"""What the axis leaves unknown of a profile: its wall is where it is only as the axis is.
+"""What the axis leaves unknown of a profile, and what moves all points alike: its wall is where it
+is only as these are.
 
 Where a wall is seen all round, a moved axis blurs its profile and does not move it; where it is
 seen in part, the profile moves with the axis.
@@ -21,7 +22,8 @@ _SIGMAS = 3.0
 
 
 def axis_counted(outline: Outline, turned: Turned) -> Outline:
-    """The outline, the standard uncertainties of its pieces and its box with the axis' share.
+    """The outline, the standard uncertainties of its pieces and its box with the share of the axis
+    and of common causes.
 
     Sizes between two pieces stay as they are, for both move alike.
     """
@@ -85,18 +87,21 @@ def _within(piece: Piece, at: Floats, spacing: float) -> Bools:
 
 
 def _moves(turned: Turned, some: Bools, out: Floats) -> Floats:
-    """(n, 4) how far points move along ``out`` (2,) or (n, 2) of the half-plane, when the axis
-    tilts and shifts as its covariance counts it."""
+    """(n, 4 + f) how far points move along ``out`` (2,) or (n, 2) of the half-plane, when the axis
+    tilts and shifts as its covariance counts it, and with each common cause (`Turned.moves`)."""
     c, s = np.cos(turned.angle[some]), np.sin(turned.angle[some])
     r, z = turned.r[some], turned.z[some]
     mr, mz = np.broadcast_to(out, (len(r), 2)).T
-    return np.column_stack([-mr * z * c + mz * r * c, -mr * z * s + mz * r * s, -mr * c, -mr * s])
+    common = [mr * f[some, 0] + mz * f[some, 1] for f in turned.moves]
+    own = [-mr * z * c + mz * r * c, -mr * z * s + mz * r * s, -mr * c, -mr * s]
+    return np.column_stack([*own, *common])
 
 
 def _fitted(A: Floats, moves: Floats) -> Floats:
-    """(k, 4) what the parameters of a piece do."""
+    """(k, 4 + f) what the parameters of a piece do."""
     return np.asarray(np.linalg.lstsq(A, moves, rcond=1e-9)[0])
 
 
 def _sigma(turned: Turned, moves: Floats) -> float:
-    return float(np.sqrt(moves @ turned.axis.covariance @ moves))
+    axis, common = moves[:4], moves[4:]
+    return float(np.sqrt(axis @ turned.axis.covariance @ axis + common @ common))

@@ -23,6 +23,10 @@ _HALF = 2.0
 """Steps of the mesh to both sides of a height."""
 _CELL, _MOST = 12, 90
 """Points of a cell at the least, and how many there are all round at the most."""
+_LONE = 1e-6
+"""Freedom of a cell whose points are all of one row, but for rounding: it tells no noise."""
+_SPANNED = 0.5
+"""Of the band about a height: how far the wall must reach to both sides, else it ends there."""
 _COVERED = 0.75
 """Share of the turn that must be seen."""
 _STRAIGHT = float(np.radians(0.3))
@@ -55,7 +59,7 @@ class Roundness:
     eccentricity_sigma: float
     noise: float
     """Width that the noise of the points makes of a perfect circle, on average; NaN where the
-    points do not tell their noise."""
+    points do not tell their noise, and where the wall ends beside the height: edges bend it."""
     sigma: float
     """Standard uncertainty that this noise leaves in the widths; NaN as well."""
     cells: int
@@ -128,8 +132,12 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     away = np.abs(turned.r[some] - np.median(turned.r[some]))
     near = max(turned.spacing / 2 + 4 * turned.sigma, 6 * 1.4826 * float(np.median(away)))
     some = some[away <= near]  # without the edges of keyways and holes
+    reach = _SPANNED * _HALF * turned.spacing
+    along = turned.z[some] - height
+    beside = along.min() > -reach or along.max() < reach  # an edge, which bends stripes
     off = turned.off[some] / turned.normal[some, 0]  # along r, the slope of the wall taken off
-    count = min(_MOST, len(some) // _CELL)
+    stripes = len(np.unique(np.round(turned.angle[some], 2)))
+    count = min(_MOST, len(some) // _CELL, stripes // 2)  # none empty between coarse steps
     if count < 12:
         return None
     at = (turned.angle[some] / (2 * np.pi) % 1.0) * count
@@ -143,18 +151,27 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     rest = mean - A @ fit
     inverse = np.linalg.inv(A.T @ A) * float(np.fmax(noise, rest.std(ddof=3))) ** 2
     wide, spread = noise_range(np.full(len(mean), noise))
+    if beside:
+        wide = spread = float("nan")
     wall = np.column_stack([np.ones(len(some)), turned.z[some] - height])
     level = float(np.linalg.lstsq(wall, turned.r[some] - off, rcond=None)[0][0])
     around = turned.angle[some]
     plain = np.column_stack([wall, np.cos(around), np.sin(around)])
     other = float(np.linalg.lstsq(plain, turned.r[some], rcond=None)[0][0])
     radius = level + float(fit[0])
+    known = inverse[0, 0] + (radius - other) ** 2 + _common(turned, some)
+    radius_sigma = float(np.sqrt(known))
     return Roundness(
-        height, hollow, radius, float(np.hypot(np.sqrt(inverse[0, 0]), radius - other)),
+        height, hollow, radius, radius_sigma,
         float(np.ptp(rest)), _minimum_zone(A, mean), float(np.ptp(mean)),
         float(np.hypot(fit[1], fit[2])), float(np.sqrt(np.linalg.eigvalsh(inverse[1:, 1:])[-1])),
         wide, spread, len(mean), covered,
     )  # fmt: skip
+
+
+def _common(turned: Turned, some: np.ndarray) -> float:
+    """mm²: the variance that common causes give the mean radius of some points."""
+    return float(sum(float(f[some, 0].mean()) ** 2 for f in turned.moves))
 
 
 def _row(turned: Turned, some: np.ndarray) -> np.ndarray:
@@ -180,7 +197,7 @@ def _cells(
     n = np.bincount(place, minlength=most * rows).reshape(most, rows)
     off = np.bincount(place, value - mean[cell], minlength=most * rows).reshape(most, rows)
     free = 1.0 - (n**2).sum(axis=1) / np.maximum(count, 1) ** 2  # Σ of squared sums about the mean
-    some = good & (free > 0)
+    some = good & (free > _LONE)
     square = (off**2).sum(axis=1)[some] / count[some] ** 2 / free[some]
     return mean[good], np.flatnonzero(good), float(np.sqrt(square.mean())) if some.any() else np.nan
 
@@ -238,7 +255,8 @@ def cylindricities(turned: Turned, outlines: Sequence[Outline]) -> list[Cylindri
         if len(means) < 12:
             continue
         wide, spread = noise_range(np.full(len(means), noise))
-        sigma = float(np.fmax(noise, means.std())) / np.sqrt(len(means))
+        own = float(np.fmax(noise, means.std())) / np.sqrt(len(means))
+        sigma = float(np.sqrt(own**2 + _common(turned, some)))
         out.append(
             Cylindricity(
                 float(z.min()), float(z.max()), bool(turned.normal[some[0], 0] < 0), float(fit[0]),
