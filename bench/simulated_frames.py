@@ -39,22 +39,29 @@ _WANTED = 2.0
 _TURNS = 3
 
 
-def run(quick: bool = False, parts: Sequence[str] = ()) -> None:
+def run(quick: bool = False, parts: Sequence[str] = (), into_pages: bool = False) -> None:
     """Print processor time a frame against that of another commit, then frames per second;
     ``quick`` the former for one scene alone, in one turn."""
-    _against(
-        parts[0] if parts else _BEFORE, _SCENES[:1] if quick else _SCENES, 1 if quick else _TURNS
-    )
+    scenes, turns = (_SCENES[:1], 1) if quick else (_SCENES, _TURNS)
+    lines = _against(parts[0] if parts else _BEFORE, scenes, turns)
+    if into_pages and len(lines) == 2 + len(_SCENES) and not parts:
+        from bench._page import DOCS, write
+
+        write(DOCS / "explain" / "simulator.md", "frames", lines)
     if not quick:
         _rates()
 
 
-def _against(commit: str, scenes: Sequence[tuple[str, str, bool, int]], turns: int) -> None:
+def _against(commit: str, scenes: Sequence[tuple[str, str, bool, int]], turns: int) -> list[str]:
+    """A table, printed row by row as it is measured; empty where there is no such commit."""
     root = Path(__file__).parent.parent
     said = subprocess.run(["git", "archive", commit, "src"], cwd=root, capture_output=True)
     if said.returncode:
         print(f"no commit {commit} to compare with: {said.stderr.decode().strip()}")
-        return
+        return []
+    lines = [f"| | ms a picture at {commit} | now | times as fast | wanted | pictures |"]
+    lines.append("|---|---|---|---|---|---|")
+    print("\n".join(lines))
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(said.stdout)) as archive:
             archive.extractall(folder, filter="data")
@@ -64,11 +71,12 @@ def _against(commit: str, scenes: Sequence[tuple[str, str, bool, int]], turns: i
                 before.append(_measured(Path(folder) / "src", scene))
                 now.append(_measured(root / "src", scene))
             (old, digest), (new, same) = min(before), min(now)
-            pictures = "the same pictures" if digest == same else f"pictures {digest}, {same}"
-            print(
-                f"{_label(*scene[:3])}: {1e3 * old:.1f} ms a frame at {commit}, {1e3 * new:.1f} ms "
-                f"now: {old / new:.2f} x (wanted: {_WANTED:g}); {pictures}"
+            lines.append(
+                f"| {_label(*scene[:3])} | {1e3 * old:.0f} | {1e3 * new:.0f} | {old / new:.2f} | "
+                f"{_WANTED:g} | {'the same' if digest == same else 'others'} |"
             )
+            print(lines[-1], flush=True)
+    return lines
 
 
 def _measured(source: Path, scene: tuple[str, str, bool, int]) -> tuple[float, str]:

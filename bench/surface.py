@@ -17,7 +17,7 @@ from turnscan.surface.fusion import merge
 
 SMALL = (400, 480)
 LARGE = (1600, 640)
-DENSE = (450, 446)
+DENSE = (550, 546)
 WANTED = 100_000
 TOLERANCE = 0.05
 RATIO = 1.5
