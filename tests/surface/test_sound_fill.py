@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.mesh.open_meshes import ball, opened, same_measured
+from turnscan.arrays import Bools, Ints
 from turnscan.mesh import Mesh, is_closed, join, soundness
 from turnscan.surface.holes import (
     ClosingOptions,
     FillHow,
     Hole,
+    _close,
     close,
     closings,
     fill,
     fill_soundly,
     holes,
 )
+from turnscan.surface.holes._self_intersections import Repaired
 
 SPACING = 0.5
 """mm between the points of the tubes."""
@@ -186,3 +191,52 @@ def test_nothing_is_filled_below_what_the_part_stands_on() -> None:
     hung = close(mesh, ClosingOptions(floor=0.0, reach=1.0, holes="curvature"))[0]
     assert hung.vertices[:, 2].min() == mesh.vertices[:, 2].min()
     assert soundness(hung) == []
+
+
+def ring_taken_out(rows: slice) -> tuple[Mesh, Mesh]:
+    """A tube of 41 rings of 24 corners, and the same without the faces between some of them."""
+    rings, around = 41, 24
+    turn = 2 * np.pi * np.arange(around) / around
+    z = np.repeat(np.arange(rings), around)
+    corners = np.column_stack([np.tile(np.cos(turn), rings), np.tile(np.sin(turn), rings), z])
+    here = np.arange((rings - 1) * around).reshape(-1, around)
+    after = np.roll(here, -1, axis=1)
+    sides = np.stack(
+        [
+            np.stack([here, after, after + around], -1),
+            np.stack([here, after + around, here + around], -1),
+        ],
+        axis=2,
+    )
+    keep = np.ones(rings - 1, dtype=bool)
+    keep[rows] = False
+    faces = sides.astype(np.int32)
+    return Mesh(corners, faces.reshape(-1, 3)), Mesh(corners, faces[keep].reshape(-1, 3))
+
+
+@pytest.mark.parametrize(
+    ("rows", "parted"), [(slice(20, 22), True), (slice(0, 2), False), (slice(40, 41), False)]
+)
+def test_a_surface_without_a_ring_of_faces_is_in_two_pieces(rows: slice, parted: bool) -> None:
+    assert _close._parted(*ring_taken_out(rows)) is parted
+
+
+def test_a_repair_that_cuts_the_surface_in_two_leaves_the_largest_gap_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A shaft that lay was closed in two halves once, 6 mm apart, with half of its volume."""
+    both = opened(opened(ball(24), (0.0, 0.0, 1.0), 0.5), (0.0, 0.0, -1.0), 0.8)
+    large, small = sorted(holes(both), key=lambda h: -h.size)
+    real, first = _close.repair_self_intersections, iter([True, False])
+
+    def repaired(mesh: Mesh, owner: Ints, flat: Bools, *, hold: bool) -> Repaired:
+        return replace(real(mesh, owner, flat, hold=hold), replaced=1)
+
+    monkeypatch.setattr(_close, "repair_self_intersections", repaired)
+    monkeypatch.setattr(_close, "_parted", lambda *_: next(first))
+    done, said = close(both, ClosingOptions(floor=None, top=None))
+    (left,) = [f for f in said if f.code == "surface.unfilled"]
+    assert left.message.startswith("1 gap(s)")
+    (still,) = holes(done)
+    assert still.size == pytest.approx(large.size)
+    assert small.size < large.size

@@ -12,13 +12,13 @@ from turnscan.arrays import Floats, Ints
 from turnscan.findings import Finding, Severity
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import smoothed_normals
-from turnscan.mesh._parts import submesh
+from turnscan.mesh._parts import components, submesh
 from turnscan.mesh._topology import cut_touching
 from turnscan.progress import Progress, no_progress
 from turnscan.surface.holes._fill import FillHow, Patch, patches, ways, with_patches
 from turnscan.surface.holes._holes import Hole, holes, vector_area
-from turnscan.surface.holes._self_intersections import repair_self_intersections
-from turnscan.surface.holes._sound_fill import fill_soundly, unfilled
+from turnscan.surface.holes._self_intersections import Repaired, repair_self_intersections
+from turnscan.surface.holes._sound_fill import Filled, fill_soundly, unfilled
 
 Top = Literal["plane", "fan", "smooth", "open"]
 """plane: in its best plane. fan: to the axis. smooth: with the curvature of its border."""
@@ -37,6 +37,8 @@ _LEVEL = float(np.tan(np.radians(2.0)))
 _HINT = "scan the part in another pose or with a second laser, or bridge the gap by hand"
 _ALIKE = 0.05
 """Of a hole's size, by which it may differ before and after."""
+_CRUMB = 0.02
+"""Of the vertices of a piece: fewer that come off it are crumbs."""
 _HIGH = 0.1
 """The top reaches into this share of the part's height."""
 
@@ -78,7 +80,8 @@ def close(
     nowhere below the floor. Where parts of the surface merely touch in a vertex, the faces of the
     smaller one go first: programs that join equal corners would find them joined. Holes whose
     patches cut through the surface stay open (`fill_soundly`). Last, places where the surface cuts
-    through itself otherwise are made anew (`repair_self_intersections`). Added vertices have
+    through itself otherwise are made anew (`repair_self_intersections`), unless that would cut the
+    surface in two; then what cannot be filled without it stays open. Added vertices have
     provenance −1; those that are there do not move. ``progress`` hears of each of the other holes.
     """
     c = caps or ClosingOptions()
@@ -96,10 +99,9 @@ def close(
     if top is not None and c.top in ("plane", "smooth"):
         fillable.append(top)
         hows.append("flat" if c.top == "plane" else "curvature")
-    filled = fill_soundly(done, fillable, hows, progress, hold=False, floor=c.floor)
+    filled, repaired = _filled(done, fillable, hows, c.floor, progress)
     if filled.left:
         remarks.append(unfilled(filled.left, _HINT))
-    repaired = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=False)
     gaps = (
         stands * len(foot) + (top is not None and c.top == "fan") + len(fillable) - len(filled.left)
     )
@@ -112,6 +114,50 @@ def close(
         remarks.append(Finding("surface.repaired", "note", text))
     tilts = [_tilt(whole.vertices[h.loop]) for h in foot] if stands else []
     return done, remarks + _said(done, gaps, tilts, c)
+
+
+def _filled(
+    mesh: Mesh,
+    which: Sequence[Hole],
+    hows: Sequence[FillHow],
+    floor: float | None,
+    progress: Progress,
+) -> tuple[Filled, Repaired]:
+    """Holes filled, and what was rebuilt for it; of measured faces only what parts nothing.
+
+    Where the surface would be parted, it is the patch of the largest hole that cuts through most of
+    it: that one stays open. Where that is not enough, no measured face gives way.
+    """
+    kept, left = list(range(len(which))), list[Hole]()
+    while True:
+        hold = len(left) > 1
+        some = [which[k] for k in kept]
+        filled = fill_soundly(mesh, some, [hows[k] for k in kept], progress, hold=hold, floor=floor)
+        repaired = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=hold)
+        whole = hold or not repaired.replaced or not _parted(mesh, repaired.mesh)
+        if whole or not kept:
+            return replace(filled, left=[*left, *filled.left]), repaired
+        progress = no_progress
+        widest = max(kept, key=lambda k: which[k].size)
+        kept.remove(widest)
+        left.append(which[widest])
+
+
+def _parted(before: Mesh, after: Mesh) -> bool:
+    """Whether a piece of a surface hangs together no longer: its vertices, whose numbers are the
+    same in both, lie on several pieces, `_CRUMB` of them at least on a second."""
+    old, new = _piece_of(before), _piece_of(after)[: len(before.vertices)]
+    there = (old >= 0) & (new >= 0)
+    pairs, count = np.unique(np.stack([old, new])[:, there], axis=1, return_counts=True)
+    large = count >= _CRUMB * np.bincount(old[there])[pairs[0]]
+    return bool(np.unique(pairs[0][large], return_counts=True)[1].max(initial=0) > 1)
+
+
+def _piece_of(mesh: Mesh) -> Ints:
+    """(v,) the connected piece of each vertex; −1 for one without faces."""
+    out = np.full(len(mesh.vertices), -1, dtype=np.int32)
+    out[mesh.faces] = components(mesh)[:, None]
+    return out
 
 
 def closings(
