@@ -17,6 +17,8 @@ from turnscan.calibrate import (
     detect_board,
     detect_markers,
     measure_table_angle,
+    moved_platter,
+    platter_off,
     parse_board,
     stripe_light,
     white_margin,
@@ -247,3 +249,24 @@ def test_a_stripe_is_looked_for_as_far_as_each_side_of_the_margin() -> None:
     assert not len(on_board(camera, light, board, pose, 45.0))
     assert len(on_board(camera, light, board, pose, np.array([60.0, 45.0, 0.0, 45.0]))) > 190
     assert not len(on_board(camera, light, board, pose, np.array([0.0, 45.0, 60.0, 45.0])))
+
+
+def test_a_platter_that_has_moved_against_the_rig_is_said() -> None:
+    """By 2 mm aside it is; by noise, and by a turn of the table, it is not."""
+    world = World(true_rig(), np.random.default_rng(9), 0.1)
+    layout = true_layout()
+    rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
+    T = rig.T_camera_table
+    moved = replace(rig, T_camera_table=replace(T, translation=T.translation + [2.0, 0.0, 0.0]))
+    off: dict[str, list[float]] = {"as it was": [], "moved": []}
+    for angle in (0.4, 1.9, 3.3):
+        corners = world.rider_view(layout, angle).corners.reshape(-1, 4, 2)
+        seen = [(m.number, m.corners, c) for m, c in zip(rig.markers, corners, strict=True)]
+        off["as it was"].append(platter_off(rig, seen))
+        off["moved"].append(platter_off(moved, seen))
+    assert max(off["as it was"]) < 0.5
+    assert not moved_platter(rig, [*off["as it was"], float("nan")])
+    assert not moved_platter(rig, [platter_off(rig, [])])
+    (found,) = moved_platter(rig, off["moved"])
+    assert (found.code, found.severity, found.where) == ("scan.rig-moved", "warning", "3 pictures")
+    assert "beside where the rig puts them" in found.message

@@ -1,7 +1,13 @@
 """Views of a target or an artefact → Rig + covariance + findings."""
 
 from turnscan.calibrate._advice import Advice, advice_of
-from turnscan.calibrate._angle import measure_table_angle
+from turnscan.calibrate._angle import (
+    measure_table_angle,
+    moved_platter,
+    platter_markers,
+    platter_off,
+    table_angle,
+)
 from turnscan.calibrate._board import (
     Board,
     BoardView,
@@ -71,13 +77,17 @@ __all__ = [
     "laser_weights",
     "measure_table_angle",
     "measured_uncertainty",
+    "moved_platter",
     "other_chessboard",
     "outlines_of",
     "parameters_of",
     "parse_board",
     "picture_fault",
+    "platter_markers",
+    "platter_off",
     "refine",
     "refuse_poor",
     "stripe_light",
+    "table_angle",
     "white_margin",
 ]

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate._markers import detect_markers
+from turnscan.findings import Finding
 from turnscan.rig import Rig, rotation_z
 
 _ROUNDS = 15
 _HUBER = 2.0
 _AGREE_PX = 6.0  # a marker this far from where the others put it is not on the platter
+_MOVED_PX, _USUAL_WIDTH = 1.5, 1280  # calibrations leave 0.1 to 0.5 px in pictures of that width
 _LEAST_SIGMA_PX = 0.05  # corners of real markers are never better than this
 
 
@@ -36,6 +39,14 @@ def measure_table_angle(image: Image, rig: Rig) -> TableAngle | None:
     One visible marker is enough. None where no marker of the rig is seen, or where those seen
     contradict the rig. Raises ValueError when the rig has no markers or another picture size.
     """
+    return table_angle(rig, platter_markers(image, rig))
+
+
+def platter_markers(image: Image, rig: Rig) -> list[tuple[int, Floats, Floats]]:
+    """The rig's markers that a picture shows, each as (number, corners (4, 3) mm, pixels (4, 2)).
+
+    Raises as `measure_table_angle`.
+    """
     if not rig.markers:
         raise ValueError("this rig has no table markers")
     if image.shape[:2] != (rig.camera.height, rig.camera.width):
@@ -51,7 +62,39 @@ def measure_table_angle(image: Image, rig: Rig) -> TableAngle | None:
             known = layout.get((dictionary, int(number)))
             if known is not None:
                 seen.append((int(number), known, corners))
-    return table_angle(rig, seen)
+    return seen
+
+
+def platter_off(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> float:
+    """px by which half of the markers' corners are farther from where the rig puts them, the table
+    turned as fits them best; NaN where none is seen."""
+    if not seen:
+        return float("nan")
+    start = _median_angle(np.array([_start(rig, mm, px) for _, mm, px in seen]))
+    points = np.concatenate([mm for _, mm, _ in seen])
+    pixels = np.concatenate([px for _, _, px in seen])
+    _, residual, _, _ = _refine(rig, points, pixels, start)
+    return float(np.median(np.linalg.norm(residual, axis=1)))
+
+
+def moved_platter(rig: Rig, off: Sequence[float]) -> list[Finding]:
+    """A warning where most pictures show the platter's markers beside their places; ``off`` are
+    `platter_off` of each."""
+    seen = np.array([one for one in off if not np.isnan(one)])
+    px = float(np.median(seen)) if len(seen) else 0.0
+    if px <= _MOVED_PX * max(1.0, rig.camera.width / _USUAL_WIDTH):
+        return []
+    mm = px * float(np.linalg.norm(rig.T_camera_table.translation)) / rig.camera.fx
+    return [
+        Finding(
+            "scan.rig-moved",
+            "warning",
+            f"the markers on the platter are {px:.1f} px, about {mm:.1f} mm, beside where the rig "
+            "puts them: camera or table has moved since it was calibrated",
+            f"{len(seen)} picture" + ("s" if len(seen) > 1 else ""),
+            "calibrate again: turnscan calibrate with pictures of the table and of each laser",
+        )
+    ]
 
 
 def table_angle(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> TableAngle | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnscan.findings import Finding
+from turnscan.rig import Rig
 from turnscan.scanner._examine import CameraFacts, Examination, LaserFacts
 from turnscan.scanner._open import Opened
 
@@ -76,10 +77,12 @@ def examine(
     gain: float = 1.0,
     *,
     still: bool = False,
+    rig: Rig | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Diagnosis:
     """Take dark pictures and one of each laser, then turn the table once, unless ``still``.
 
+    Markers of ``rig`` on the platter say whether it has moved since the rig was calibrated.
     ``seconds`` None takes the bench's own exposure. The lasers are dark when this returns, however
     it does. Raises DeviceError and SafetyError as the devices do.
     """
@@ -88,6 +91,8 @@ def examine(
     with look.shooter.dark_at_the_end():
         camera = look.camera()
         found = _camera(camera, exposure, gain)
+        if rig is not None and rig.markers:
+            found += _platter(look, rig)
         lasers = []
         for name in bench.hardware.lasers.names:
             tick()
@@ -135,6 +140,37 @@ def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:
             )
         )
     return found
+
+
+def _platter(look: Examination, rig: Rig) -> list[Finding]:
+    """Whether the markers on the platter are where the rig puts them."""
+    from turnscan.calibrate import moved_platter, platter_markers, platter_off
+
+    picture = look.picture()
+    if picture.shape[:2] != (rig.camera.height, rig.camera.width):
+        return [
+            Finding(
+                "doctor.other-camera",
+                "error",
+                f"the camera takes pictures of {picture.shape[1]}×{picture.shape[0]} px, the rig's "
+                f"of {rig.camera.width}×{rig.camera.height}",
+                "camera",
+                "give the rig of this camera, or set the camera as it was calibrated",
+            )
+        ]
+    seen = platter_markers(picture, rig)
+    if not seen:
+        return [
+            Finding(
+                "doctor.no-markers",
+                "note",
+                "no marker of the rig is seen on the platter: whether it has moved since it was "
+                "calibrated is not known",
+                "camera",
+                "light the room, or expose longer",
+            )
+        ]
+    return moved_platter(rig, [platter_off(rig, seen)])
 
 
 def _laser(laser: LaserFacts) -> list[Finding]:

@@ -49,15 +49,15 @@ def find_angles(
     FormatError where a shot has no angle, or the list cannot be read.
     """
     if isinstance(source, EvenSteps):
-        step = source.step_deg
+        step, found = source.step_deg, list[Finding]()
         if rig is not None and rig.markers:
-            check_turn(source, rig, _sampled(series[0]), every)
+            found = check_turn(source, rig, _sampled(series[0]), every)
         even = {
             (s.laser, shot.step): Angle(math.radians(step * every * shot.step))
             for s in series
             for shot in s.shots
         }
-        return even, [], f"steps of {step:g}°"
+        return even, found, f"steps of {step:g}°"
     if isinstance(source, MarkerAngles):
         angles, found = _by_markers(series, rig, progress)
         return angles, found, "markers"
@@ -160,7 +160,13 @@ def _by_markers(
     series: Sequence[Series], rig: Rig | None, progress: Progress
 ) -> tuple[Angles, list[Finding]]:
     """Angles seen by the markers on the platter, outliers out and gaps filled by the motion."""
-    from turnscan.calibrate import angle_model, measure_table_angle
+    from turnscan.calibrate import (
+        angle_model,
+        moved_platter,
+        platter_markers,
+        platter_off,
+        table_angle,
+    )
 
     if rig is None or not rig.markers:
         raise InputError(
@@ -172,21 +178,26 @@ def _by_markers(
     places: list[tuple[str, int]] = []
     names: list[str] = []
     seen: list[tuple[float, float]] = []
+    off: list[float] = []
     for one in series:
         for shot, picture in _marker_pictures(one):
-            angle = measure_table_angle(picture, rig)
+            markers = platter_markers(picture, rig)
+            angle = table_angle(rig, markers)
+            off.append(platter_off(rig, markers))
             places.append((one.laser, shot.step))
             names.append(shot.name)
             seen.append((math.nan, math.nan) if angle is None else (angle.angle, angle.sigma))
             count()
-    table = np.array(seen)
+    table, moved = np.array(seen), moved_platter(rig, off)
+    if moved and np.isnan(table[:, 0]).all():
+        raise InputError(moved[0].message, hint=moved[0].remedy, option=Option("rig"))
     steps = np.array([step for _, step in places])
     model = angle_model(table[:, 0], table[:, 1], steps, names=names)
     angles = {
         place: Angle(measured=float(angle), sigma=float(sigma))
         for place, angle, sigma in zip(places, model.angles, model.sigmas, strict=True)
     }
-    return angles, list(model.findings)
+    return angles, [*moved, *model.findings]
 
 
 def _marker_pictures(

@@ -41,8 +41,8 @@ def doctor(
     history
         The history of `verify`, to say also how old the last verification is.
     rig
-        The calibrated rig, or its file: without one, the next step is to calibrate. A simulated
-        rig needs none.
+        The calibrated rig, or its file: its markers on the platter say whether the table has moved
+        since. Without one, the next step is to calibrate; a simulated rig needs none.
     progress
         Told how far it is; it may cancel.
 
@@ -65,7 +65,7 @@ def doctor(
     known = read_rig_file(rig) if isinstance(rig, str | Path) else rig
     tick = progress.counter(_LOOKS, "looking")
     with opened_devices(devices) as bench:
-        seen = examine(bench, o.exposure, o.gain, still=o.still, tick=tick)
+        seen = examine(bench, o.exposure, o.gain, still=o.still, rig=known, tick=tick)
     calibrated = seen.calibrated or known is not None
     return replace(seen, findings=(*seen.findings, *past), calibrated=calibrated)
 

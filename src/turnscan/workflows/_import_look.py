@@ -118,21 +118,25 @@ def no_stripe(laser: str, why: str) -> Finding:
 
 def check_turn(
     source: EvenSteps, rig: Rig, seen: Sequence[tuple[int, str, Image]], every: int
-) -> None:
+) -> list[Finding]:
     """Raise InputError where markers in some pictures say that the table turned another way.
+
+    A finding where they stand beside their places.
 
     ``seen`` are step, name and picture. Nothing is said where fewer than four show a marker.
     """
-    from turnscan.calibrate import measure_table_angle
+    from turnscan.calibrate import moved_platter, platter_markers, platter_off, table_angle
 
-    found = [(step, measure_table_angle(picture, rig)) for step, _, picture in seen]
+    shown = [(step, platter_markers(picture, rig)) for step, _, picture in seen]
+    moved = moved_platter(rig, [platter_off(rig, markers) for _, markers in shown])
+    found = [(step, table_angle(rig, markers)) for step, markers in shown]
     k = np.array([step for step, angle in found if angle is not None], dtype=np.float64)
     if len(k) < _FEWEST:
-        return
+        return moved
     angles = np.array([angle.angle for _, angle in found if angle is not None])
     step = math.radians(source.step_deg) * every
     if _fit(k, angles, step):
-        return
+        return moved
     tries = np.linspace(-np.pi, np.pi, 40001)
     best = float(tries[np.argmax([_coherence(k, angles, t) for t in tries])])
     if not _fit(k, angles, best):

@@ -1,0 +1,47 @@
+"""The doctor sees by the markers on the platter whether it has moved against the rig."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from tests.calibrate.boards import marker_picture
+from tests.calibrate.world import true_layout, true_rig
+from turnscan.arrays import Image
+from turnscan.rig import Rig
+from turnscan.scanner._doctor import _platter
+from turnscan.scanner._examine import Examination
+
+BLANK = np.full((480, 640), 128, np.uint8)
+
+
+def with_markers(aside: float) -> Rig:
+    """The rig of `marker_picture`, its camera ``aside`` mm beside where it was."""
+    rig = true_rig()
+    T = rig.T_camera_table
+    return replace(
+        rig,
+        camera=replace(rig.camera, distortion=np.zeros(5)),
+        markers=replace(true_layout(), shape=np.zeros(5)).markers("DICT_4X4_50"),
+        T_camera_table=replace(T, translation=T.translation + [aside, 0.0, 0.0]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("picture", "aside", "said"),
+    [
+        (marker_picture(0.4), 0.0, []),
+        (marker_picture(0.4), 3.0, ["warning scan.rig-moved"]),
+        (BLANK, 0.0, ["note doctor.no-markers"]),
+        (BLANK[:100], 0.0, ["error doctor.other-camera"]),
+    ],
+)
+def test_a_platter_that_moved_is_seen(picture: Image, aside: float, said: list[str]) -> None:
+    look = cast("Examination", SimpleNamespace(picture=lambda: picture))
+    found = _platter(look, with_markers(aside))
+    assert [f"{f.severity} {f.code}" for f in found] == said
+    assert all(f.remedy for f in found)
