@@ -18,8 +18,8 @@ from turnscan.calibrate import (
     detect_markers,
     measure_table_angle,
     moved_platter,
-    platter_off,
     parse_board,
+    platter_off,
     stripe_light,
     white_margin,
 )

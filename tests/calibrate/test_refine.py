@@ -185,6 +185,35 @@ def test_a_start_that_leads_astray_is_followed_by_others() -> None:
     assert np.all(np.diff([share for share, _ in seen]) >= 0)
 
 
+def test_lasers_that_are_little_known_want_a_body_of_known_form() -> None:
+    """Surfaces of any shape agree in several rigs that are so far off."""
+    true = two_lasers()
+    sweeps = both(true, prism((5.0, 2.0), 40.0), STEPS[::4], STEPS[::4], 2, every=16)
+    with pytest.raises(Degenerate, match=r"known of its lasers .* unknown shape agree in several"):
+        refine(ruled(true, 1), sweeps, QUICK)
+
+
+def test_a_table_anywhere_is_found_by_a_part_of_any_shape() -> None:
+    """The axis is 5 mm and 2° off in every number; the lasers are known."""
+    true = two_lasers()
+    known = doubted(true)
+    assert known.covariance is not None
+    table = [n.startswith("table.") for n in true.parameter_names]
+    known = replace(known, covariance=known.covariance * np.outer(table, table))
+    wrong = replace(true, T_camera_table=ruled(true, 1).T_camera_table, covariance=known.covariance)
+    seen = both(true, prism((5.0, 2.0), 40.0, 6, 5.0), STEPS, STEPS, 1, every=8)
+    sweeps = [replace(sweep, moved=False) for sweep in seen]  # its angles were measured
+    done = refine(wrong, sweeps, replace(QUICK, queries=700, rounds=7))
+    assert done.gap_before > 20 * done.gap_noise
+    assert done.gap_after < 1.2 * done.gap_noise
+    assert "scale" not in done.held
+    other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, noise=0.0, every=8)
+    at = np.concatenate([s.points(done.rig, done.rig.camera.rays(s.pixels)) for s in other])
+    radius, rms = _sphere(at)
+    assert abs(radius - 12.0) < 0.02
+    assert rms < 0.02
+
+
 def test_one_laser_says_nothing() -> None:
     rig = two_lasers(lasers=1)
     with pytest.raises(Degenerate, match="no two surfaces overlap"):

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.calibrate._bodies import Body, Form, Known, Smooth
+from turnscan.calibrate._bodies import Body, Form, Known
 from turnscan.calibrate._bodies_found import again, find_body, refuse_other_unit
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Loose, Part, Placement
@@ -40,10 +40,8 @@ class _End:
     """Where one start led."""
 
     state: Surfaces
-    gap: float
-    """mm rms by which the points are off the body."""
     times: float
-    """The same in terms of their noise."""
+    """Of their noise: how far the points are off the body, rms."""
 
 
 class _Ahead:
@@ -67,8 +65,8 @@ def approach(
     body: tuple[Form, tuple[Known | None, ...]],
     doubt: float,
     progress: Progress,
-) -> tuple[Surfaces, float]:
-    """A state in which the points lie on the body to about their noise, and how far off they are.
+) -> Surfaces:
+    """A state in which the points lie on the body to about their noise.
 
     Far from the truth a gap says little: rounds in which the gaps hardly weigh come first, and
     what is known of the rig leads. Equations that are so far from straight have more than one
@@ -100,8 +98,7 @@ def approach(
             f"none of {_STARTS} starts leads to a rig that explains the scan",
             hint="measure the rig again with a ruler, and state how far its numbers may be off",
         )
-    best = min(ends, key=lambda e: e.times)
-    return best.state, best.gap
+    return min(ends, key=lambda e: e.times).state
 
 
 @dataclass(frozen=True)
@@ -200,13 +197,13 @@ def _led(
     for k in range(_ROUNDS):
         network = network_of(begin, now, sweeps, free, 0.0, 0, coarse)
         now = adjusted(network, now, free, None, told=True).state
-        refuse_strayed(known, now.rig, "" if isinstance(form, Smooth) else form.name)
+        refuse_strayed(known, now.rig, form.name)
         gap, noise, _ = gap_of(network_of(begin, now, sweeps, free, 0.0, 0), now)
         progress((k + 1) / _ROUNDS)
         if coarse == 0.0 or (k > 2 and gap <= noise):
             break
         coarse = _FINER * coarse if _FINER * coarse > noise else 0.0
-    return _End(now, gap, gap / noise)
+    return _End(now, gap / noise)
 
 
 def _spread(rig: Rig, free: Bools) -> Floats:

@@ -104,59 +104,7 @@ class Round:
         return distance, unit, np.stack(by, axis=1)
 
 
-_POWERS = np.array(
-    [(a, b, n - a - b) for n in (3, 4) for a in range(n + 1) for b in range(n + 1 - a)]
-)
-
-
-@dataclass(frozen=True)
-class Smooth:
-    """Any body without edges about the origin: its radius (mm) by direction.
-
-    For a part of unknown shape while nothing finer can be told of it. Sizes are the coefficients of
-    all x^a y^b z^c of degrees 3 and 4, which on the unit sphere are as many functions as the
-    spherical harmonics up to order 4 and span the same.
-    """
-
-    @property
-    def name(self) -> str:
-        """What it is called in messages."""
-        return "part"
-
-    @property
-    def size_names(self) -> tuple[str, ...]:
-        """Of its k sizes."""
-        return tuple("shape" + "".join(map(str, power)) for power in _POWERS)
-
-    @property
-    def moves(self) -> Floats:
-        """As of `Balls`; another place is another shape."""
-        return np.zeros((6, 0))
-
-    @staticmethod
-    def powers(directions: Floats) -> tuple[Floats, Floats]:
-        """Of unit vectors (n, 3): the functions (n, k), and their derivatives (n, k, 3)."""
-        table = directions[:, None, :] ** np.arange(5)[:, None]  # (n, 5, 3): powers of x, y, z
-        each = [table[:, _POWERS[:, i], i] for i in range(3)]
-        slopes = []
-        for i in range(3):
-            less = _POWERS[:, i] * table[:, np.maximum(_POWERS[:, i] - 1, 0), i]
-            slopes.append(less * each[(i + 1) % 3] * each[(i + 2) % 3])
-        return each[0] * each[1] * each[2], np.stack(slopes, axis=2)
-
-    def nearest(self, points: Floats, sizes: Floats) -> tuple[Floats, Floats, Floats]:
-        """As of `Balls`, to first order: along the radius, lessened by the surface's slope."""
-        length = np.maximum(np.linalg.norm(points, axis=1), 1e-12)
-        out = points / length[:, None]
-        basis, slopes = self.powers(out)
-        grad = np.einsum("nki,k->ni", slopes, sizes)
-        grad -= np.einsum("ni,ni->n", grad, out)[:, None] * out
-        normal = out - grad / length[:, None]
-        steep = np.linalg.norm(normal, axis=1)
-        return (length - basis @ sizes) / steep, normal / steep[:, None], -basis / steep[:, None]
-
-
-Form = Balls | Round | Smooth | Part
+Form = Balls | Round | Part
 """A surface by a formula in a frame of its own, with sizes that may be free.
 
 One residual serves all of them, the distance of a measured point."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.calibrate._bodies import Balls, Body, Form, Known, Round, Smooth
+from turnscan.calibrate._bodies import Balls, Body, Form, Known, Round
 from turnscan.calibrate._part import Part
 from turnscan.calibrate._sweeps import Sweep
 from turnscan.errors import Degenerate
@@ -168,15 +168,8 @@ def _sphere(points: Floats) -> tuple[Floats, float]:
 def _begin(form: Form, points: Floats, known: Sequence[Known | None]) -> Body:
     if isinstance(form, Balls):
         return _balls(form, points, known)
-    if isinstance(form, Round):
-        return _round(form, points, known)
-    assert isinstance(form, Smooth)
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    away = points - middle
-    length = np.linalg.norm(away, axis=1)
-    basis, _ = form.powers(away / length[:, None])
-    sizes = np.linalg.lstsq(basis, length, rcond=1e-6)[0]
-    return Body(form, Pose(np.eye(3), middle), sizes, tuple(known))
+    assert isinstance(form, Round)  # a drawn part is placed by its own search
+    return _round(form, points, known)
 
 
 def _balls(form: Balls, points: Floats, known: Sequence[Known | None]) -> Body:

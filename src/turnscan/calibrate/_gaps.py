@@ -11,14 +11,14 @@ from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._patches import patches_under
 from turnscan.calibrate._prior import prior_of
 from turnscan.calibrate._surfaces import (
-    Pair,
     SurfaceNetwork,
     Surfaces,
-    not_below,
+    pair_of,
+    scale_of,
 )
-from turnscan.calibrate._sweeps import Sweep, noise_of
+from turnscan.calibrate._sweeps import Sweep
 from turnscan.errors import Degenerate, DidNotConverge
-from turnscan.rig import Pose, Rig
+from turnscan.rig import Rig
 
 _FEWEST = 100
 """Places where two surfaces meet, below which nothing is said of a rig."""
@@ -42,8 +42,7 @@ def network_of(
     prior = prior_of(rig, state.rig, stages) if stages else None
     network = SurfaceNetwork(sweeps, (), state, free, prior, rig.motion)
     at = network.places(state)
-    laid = (Pose(), *state.poses)
-    noise = [laid[sweep.pose].turn(noise_of(sweep, state.rig)) for sweep in sweeps]
+    noise = network.noise(state)
     pairs = []
     for a in range(len(sweeps)):
         for b in range(len(sweeps)):
@@ -54,10 +53,7 @@ def network_of(
             found = replace(found, query=some[found.query])
             if len(found.query) < _FEWEST:
                 continue
-            own = np.einsum("mi,mi->m", found.normal, noise[a][found.query])
-            theirs = -found.weights * np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
-            sigma = np.hypot(not_below(np.sqrt(own**2 + (theirs**2).sum(axis=1))), coarse)
-            pairs.append(Pair(a, b, found, own, theirs, sigma))
+            pairs.append(pair_of(a, b, found, noise, coarse))
     if not pairs and not state.bodies:
         raise Degenerate(
             "no two surfaces overlap where they are smooth: one laser sees each place once in a "
@@ -72,10 +68,8 @@ def network_of(
         )
         for body in state.bodies
     )
-    sigmas = tuple(
-        tuple(np.hypot(not_below(np.abs(own)), coarse) for own in one) for one in on_bodies
-    )
-    return replace(network, pairs=tuple(pairs), body_noise=on_bodies, body_sigma=sigmas)
+    scales = tuple(tuple(scale_of(np.abs(own), coarse) for own in one) for one in on_bodies)
+    return replace(network, pairs=tuple(pairs), body_noise=on_bodies, body_scale=scales)
 
 
 def gap_of(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
@@ -83,10 +77,10 @@ def gap_of(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]
     at = network.places(state)
     gaps = [p.patches.gaps(at[p.asked], at[p.others]) for p in network.pairs]
     sigma = [p.sigma for p in network.pairs]
-    for body, own in zip(state.bodies, network.body_sigma, strict=True):
+    for body, scale in zip(state.bodies, network.body_scale, strict=True):
         for i, which in enumerate(body.points):
             gaps.append(body.distance(at[i][which])[0])
-            sigma.append(own[i])
+            sigma.append(scale[i].sigma)
     all_gaps, all_sigma = np.abs(np.concatenate(gaps)), np.concatenate(sigma)
     near = all_gaps <= np.quantile(all_gaps, 0.99)
     rms = float(np.sqrt(np.mean(all_gaps[near] ** 2)))

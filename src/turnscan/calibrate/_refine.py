@@ -11,7 +11,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import Fit
 from turnscan.calibrate._approach import approach, refuse_strayed
-from turnscan.calibrate._bodies import Body, Form, Known, Smooth
+from turnscan.calibrate._bodies import Body, Form, Known
 from turnscan.calibrate._bodies_found import again, find_body, refuse_ends
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Part
@@ -39,10 +39,10 @@ _REACH_MM, _FAR_MM = 8.0, 4.0
 before that has to be made less."""
 _REACHES = 6.0
 """Times the usual gap of poses that were found by shape: farther apart is another surface."""
+_WIDE = 3.0
+"""Times what is known of how far a rig may put points aside: so far surfaces may be apart."""
 _FINER = 0.3
 """By how much finer surfaces are held against each other from round to round."""
-_ANY = (0.0, 1e3)
-"""mm: what is known of the sizes of a part of unknown shape."""
 _APPROACH = 0.5
 """Of the work, where the rig may be far off at first."""
 _NO_FIT, _LEAST_MM = 3.0, 0.01
@@ -109,13 +109,15 @@ def refine(
     Errors of the table (harmonics, play) are kept where Bayes' information criterion asks for them.
     A body of known form counts like a surface that is known, and known sizes of it give the scale.
     Where the rig's uncertainty is of millimetres, the body alone is what the points are held
-    against first (`turnscan.calibrate._approach`); without one, a smooth body of any shape.
+    against first (`turnscan.calibrate._approach`); without one, rigs whose laser sheets are so
+    little known are refused, as surfaces of any shape agree then in more than one.
     A part that was laid down again between two turns is seen by one laser as by two; how it lay is
     estimated with the rest, from about where it is known to be.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
-    else is known of, DidNotConverge, also where the rig strays from what was known of it.
+    else is known of, or where too little is known of the lasers for a part of unknown shape;
+    DidNotConverge, also where the rig strays from what was known of it.
     """
     s = settings or RefineSettings()
     many = tuple(thinned(sweep, rig) for sweep in sweeps)
@@ -174,16 +176,28 @@ def _begun(
         if s.body is None:
             return begin, 0.0
         return replace(begin, bodies=(find_body(*s.body, sweeps, rig, doubt),)), 0.0
-    free = _free(rig, begin, sweeps, s)
-    if s.body is not None:
-        near, _ = approach(rig, begin, sweeps, free, s.body, doubt, progress)
-        return replace(
-            near, bodies=tuple(_with_its_points(b, near, sweeps) for b in near.bodies)
-        ), 0.0
-    form = Smooth()
-    anything = (form, (_ANY,) * len(form.size_names))
-    near, gap = approach(rig, begin, sweeps, free, anything, doubt, progress)
-    return replace(near, bodies=()), gap
+    if s.body is None:
+        sheets = doubt_of(_sheets_alone(rig), sweeps)
+        if sheets <= _FAR_MM:
+            return begin, doubt
+        raise Degenerate(
+            f"by what is known of its lasers the rig may put points {sheets:.0f} mm (rms) aside: "
+            "so far off, the surfaces of a part of unknown shape agree in several rigs",
+            hint="refine it by a body of known form first, a ball for example (of unknown size, "
+            "where none is known); or measure the rig again and state how far its numbers may be "
+            "off",
+        )
+    near = approach(rig, begin, sweeps, _free(rig, begin, sweeps, s), s.body, doubt, progress)
+    bodies = tuple(_with_its_points(b, near, sweeps) for b in near.bodies)
+    return replace(near, bodies=bodies), 0.0
+
+
+def _sheets_alone(rig: Rig) -> Rig:
+    """The rig as uncertain as its laser sheets are."""
+    if rig.covariance is None:
+        return rig
+    sheets = [not n.startswith(("camera.", "table.")) for n in rig.parameter_names]
+    return replace(rig, covariance=rig.covariance * np.outer(sheets, sheets))
 
 
 def _usual_gap(rig: Rig, begin: Surfaces, sweeps: tuple[Sweep, ...], s: RefineSettings) -> float:
@@ -220,7 +234,7 @@ def _settled(
     Where they are ``rough`` mm apart at first, gaps weigh no more than that at first.
     """
     fit: Fit[Surfaces] | None = None
-    reach = min(_REACHES * rough, _REACH_MM) if s.poses else _REACH_MM
+    reach = min(_REACHES * rough, _REACH_MM) if s.poses else max(_REACH_MM, _WIDE * rough)
     for k in range(s.rounds):
         if fit is not None:
             state = replace(

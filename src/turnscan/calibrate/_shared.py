@@ -46,7 +46,7 @@ def with_shared_noise(network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools) 
             order = _order(network.sweeps[i].step[which])
             own = mine[at : at + len(which)]
             at += len(which)
-            by = network.body_noise[k][i][order] / network.body_sigma[k][i][order]
+            by = network.body_noise[k][i][order] / network.body_scale[k][i].sigma[order]
             np.add.at(pulls[i], which[order], own * by[:, None])
     shared = sum((g.T @ g for g in pulls), np.zeros((p, p)))
     back = inverse_of(normal + before, free_name(network, free))

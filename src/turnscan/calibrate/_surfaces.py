@@ -15,7 +15,7 @@ from turnscan.calibrate._normal import Block
 from turnscan.calibrate._patches import Patches
 from turnscan.calibrate._prior import RigPrior, moved_by
 from turnscan.calibrate._residuals import CAMERA_SIZE
-from turnscan.calibrate._sweeps import Sweep
+from turnscan.calibrate._sweeps import NUDGE_PX, Sweep
 from turnscan.rig import Pose, Rig, TableMotion, nearest_rotation, rotation_from_vector
 
 PRIOR_MOTION, PRIOR_SIZE, PRIOR_RIG = "prior motion", "prior size", "prior rig"
@@ -53,6 +53,40 @@ class Surfaces:
 
 
 @dataclass(frozen=True)
+class Scale:
+    """Standard uncertainties of gaps, mm, as they are in one state of a rig."""
+
+    own: Floats
+    """(m,) mm, by the stripes' noise alone."""
+    least: float
+    """A point that slides along its surface says nothing, but not with infinite weight."""
+    coarse: float
+    """What a gap says less, where surfaces are still far apart."""
+
+    @cached_property
+    def sigma(self) -> Floats:
+        """(m,) mm."""
+        out: Floats = np.hypot(np.maximum(self.own, self.least), self.coarse)
+        return out
+
+    def now(self, own: Floats, size: float) -> Scale:
+        """In another state, in which the scene is ``size`` times as large."""
+        return Scale(own, size * self.least, size * self.coarse)
+
+    def change(self, own: Floats, size: float) -> Floats:
+        """(m,) by which `sigma` changes, where noise changes by ``own`` and the size by ``size``
+        times itself."""
+        noise = np.where(self.own > self.least, self.own * own, self.least**2 * size)
+        out: Floats = (noise + self.coarse**2 * size) / self.sigma
+        return out
+
+
+def scale_of(own: Floats, coarse: float) -> Scale:
+    """That of gaps whose noise is ``own`` (m,) mm."""
+    return Scale(own, _LEAST_SIGMA * float(np.median(own)) if len(own) else 0.0, coarse)
+
+
+@dataclass(frozen=True)
 class Pair:
     """A sweep whose points lie on patches of another one."""
 
@@ -63,13 +97,61 @@ class Pair:
     """(m,) mm: what one standard deviation of the point's own noise makes of its gap."""
     by_others: Floats
     """(m, k) mm: that of each point of the patch."""
-    sigma: Floats
-    """(m,) mm: what all of them make of it."""
+    scale: Scale
+    """Of what all of them make of it, where the state is the network's."""
+
+    @property
+    def sigma(self) -> Floats:
+        """(m,) mm: what all of them make of it."""
+        return self.scale.sigma
 
     @property
     def kind(self) -> str:
         """The kind of its residuals."""
         return f"surface {self.asked} on {self.others}"
+
+    def noise(self, by: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """(m,) and (m,) mm: what moving the points of each sweep by (n, 3) mm makes of the gaps, by
+        those asked, and by all of the patch, which move as its nearest does."""
+        p = self.patches
+        own = np.einsum("mi,mi->m", p.normal, by[self.asked][p.query])
+        nearest = np.einsum("mi,mi->m", p.normal, by[self.others][p.near[:, 0]])
+        return own, nearest * self.spread
+
+    @cached_property
+    def spread(self) -> Floats:
+        """(m,): noise of a patch where it stands under the point, in terms of one point's."""
+        return np.asarray(np.sqrt((self.patches.weights**2).sum(axis=1)))
+
+
+def pair_of(
+    asked: int, others: int, patches: Patches, noise: Sequence[Floats], coarse: float
+) -> Pair:
+    """Of two sweeps, whose points one standard deviation of noise moves by (n, 3) mm; ``coarse`` mm
+    is how little a gap says besides."""
+    own = np.einsum("mi,mi->m", patches.normal, noise[asked][patches.query])
+    theirs = np.einsum("mi,mki->mk", patches.normal, noise[others][patches.near])
+    none = Scale(np.zeros(0), 0.0, 0.0)
+    pair = Pair(asked, others, patches, own, -patches.weights * theirs, none)
+    return replace(pair, scale=scale_of(np.hypot(*pair.noise(noise)), coarse))
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """Of all sweeps' pixels, and of places `NUDGE_PX` beside them."""
+
+    at: list[Floats]
+    beside: list[Floats]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Points of all sweeps (n, 3) mm, what one standard deviation of noise moves them by, mm, and
+    how large the scene is; or how these change with a parameter."""
+
+    at: list[Floats]
+    noise: list[Floats]
+    size: float
 
 
 @dataclass(frozen=True)
@@ -87,8 +169,8 @@ class SurfaceNetwork:
     body_noise: tuple[tuple[Floats, ...], ...] = field(default=())
     """Per body and sweep: what one standard deviation of its points' noise makes of their
     distance, mm."""
-    body_sigma: tuple[tuple[Floats, ...], ...] = field(default=())
-    """Per body and sweep: standard uncertainty of that distance, mm."""
+    body_scale: tuple[tuple[Scale, ...], ...] = field(default=())
+    """Per body and sweep: standard uncertainty of that distance."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -142,7 +224,7 @@ class SurfaceNetwork:
 
     def places(self, state: Surfaces) -> list[Floats]:
         """The points (n, 3) of every sweep, mm in the object's frame of the first pose."""
-        return self._places(state, self._rays(state.rig))
+        return self._places(state, [state.rig.camera.rays(s.pixels) for s in self.sweeps])
 
     def _places(self, state: Surfaces, rays: list[Floats]) -> list[Floats]:
         laid = (Pose(), *state.poses)
@@ -151,51 +233,51 @@ class SurfaceNetwork:
             for s, r in zip(self.sweeps, rays, strict=True)
         ]
 
-    def _rays(self, rig: Rig) -> list[Floats]:
+    def noise(self, state: Surfaces) -> list[Floats]:
+        """(n, 3) mm per sweep: how one standard deviation of the stripe moves each point."""
+        return self._seen(state).noise
+
+    def _rays(self, rig: Rig) -> _Rays:
         """Of all pixels; those of a camera that does not move are found once."""
-        if not self.active[:CAMERA_SIZE].any():
-            return self._still
-        return [rig.camera.rays(s.pixels) for s in self.sweeps]
+        return _rays_of(rig, self.sweeps) if self.active[:CAMERA_SIZE].any() else self._still
 
     @cached_property
-    def _still(self) -> list[Floats]:
-        return [self.state.rig.camera.rays(s.pixels) for s in self.sweeps]
+    def _still(self) -> _Rays:
+        return _rays_of(self.state.rig, self.sweeps)
 
     def blocks(self, state: Surfaces) -> list[Block]:
         """Residuals in standard deviations of the stripe's noise, and derivatives.
 
-        That noise is one of pixels: it grows and shrinks with the scene, or else gaps that are
-        noise would be made smaller by making everything smaller.
+        That noise is one of pixels. What it makes of a gap is taken anew in each state (Sampson's
+        distance): with that of another state, rigs would be preferred that turn noise out of the
+        gaps, or that make everything smaller.
         """
-        at = self.places(state)
+        seen = self._seen(state)
         slopes = self._slopes(state)
+        size = self._size(state)
+        columns = np.flatnonzero(self.active[: self._own])
         out = []
         for pair in self.pairs:
-            by = np.stack(
-                [pair.patches.gaps(s[pair.asked], s[pair.others]) for s in slopes], axis=1
-            ) if slopes else np.zeros((len(pair.sigma), 0))  # fmt: skip
-            gaps = pair.patches.gaps(at[pair.asked], at[pair.others])
+            own, under = pair.noise(seen.noise)
+            scale = pair.scale.now(np.hypot(own, under), size)
+            gaps = pair.patches.gaps(seen.at[pair.asked], seen.at[pair.others])
             common = self._zeros(len(gaps))
-            common[:, np.flatnonzero(self.active[: self._own])] = by / pair.sigma[:, None]
+            for column, slope in zip(columns, slopes, strict=True):
+                by = pair.patches.gaps(slope.at[pair.asked], slope.at[pair.others])
+                mine, theirs = pair.noise(slope.noise)
+                noise = (own * mine + under * theirs) / np.maximum(scale.own, 1e-300)
+                wider = scale.change(noise, slope.size) / scale.sigma
+                common[:, column] = (by - gaps * wider) / scale.sigma
             step = self.sweeps[pair.asked].step[pair.patches.query]
-            out += self._by_step(pair.asked, step, pair.kind, -gaps / pair.sigma, common)
+            out += self._by_step(pair.asked, step, pair.kind, -gaps / scale.sigma, common)
         for k, body in enumerate(state.bodies):
-            out += self._on_body(k, body, at, slopes)
-        return [self._scaled(b, state.rig) for b in out] + self._priors(state)
+            out += self._on_body(k, body, seen, slopes, size)
+        return out + self._priors(state)
 
-    def _scaled(self, block: Block, rig: Rig) -> Block:
-        """A block by the distance of the table from the camera, relative to where it was."""
-        if block.view < 0:
-            return block
-        t = rig.T_camera_table.translation
-        size = float(np.linalg.norm(t) / np.linalg.norm(self.state.rig.T_camera_table.translation))
-        p = len(rig.parameter_names)
-        common = block.common / size
-        residual = block.residual / size
-        # The prediction is minus the residual, and of that 1/size changes with the shift.
-        shift = np.flatnonzero(self.active[p - 3 : p]) + p - 3
-        common[:, shift] += np.outer(residual, (t / (t @ t))[shift - p + 3])
-        return replace(block, residual=residual, common=common)
+    def _size(self, state: Surfaces) -> float:
+        """How large the scene is, relative to where the network began."""
+        before = np.linalg.norm(self.state.rig.T_camera_table.translation)
+        return float(np.linalg.norm(state.rig.T_camera_table.translation) / before)
 
     @cached_property
     def _own(self) -> int:
@@ -206,8 +288,19 @@ class SurfaceNetwork:
     def _zeros(self, rows: int) -> Floats:
         return np.zeros((rows, len(self.names)))
 
-    def _slopes(self, state: Surfaces) -> list[list[Floats]]:
-        """How all points move with each active parameter of rig, motion and poses."""
+    def _seen(self, state: Surfaces, rays: _Rays | None = None) -> _Seen:
+        """All points, and what one standard deviation of their stripes' noise moves them by."""
+        rays = self._rays(state.rig) if rays is None else rays
+        at, beside = self._places(state, rays.at), self._places(state, rays.beside)
+        noise = [
+            (b - a) * (sweep.sigma / NUDGE_PX)[:, None]
+            for a, b, sweep in zip(at, beside, self.sweeps, strict=True)
+        ]
+        return _Seen(at, noise, self._size(state))
+
+    def _slopes(self, state: Surfaces) -> list[_Seen]:
+        """How points, their noise and the scene's size (relative to itself) change with each active
+        parameter of rig, motion and poses."""
         rig = state.rig
         rays = self._rays(rig)
         out = []
@@ -218,9 +311,13 @@ class SurfaceNetwork:
                 delta = np.zeros(self._own)
                 delta[k] = sign
                 moved = self._nudged(state, delta)
-                seen = self._rays(moved.rig) if k < CAMERA_SIZE else rays
-                ends.append(self._places(moved, seen))
-            out.append([(a - b) / (2 * h) for a, b in zip(*ends, strict=True)])
+                ends.append(self._seen(moved, None if k < CAMERA_SIZE else rays))
+            (a, b), twice = ends, 2 * h
+            at, noise = (
+                [(x - y) / twice for x, y in zip(p, q, strict=True)]
+                for p, q in ((a.at, b.at), (a.noise, b.noise))
+            )
+            out.append(_Seen(at, noise, (a.size - b.size) / (twice * self._size(state))))
         return out
 
     def _by_step(
@@ -237,18 +334,22 @@ class SurfaceNetwork:
         return out
 
     def _on_body(
-        self, k: int, body: Body, at: list[Floats], slopes: list[list[Floats]]
+        self, k: int, body: Body, seen: _Seen, slopes: list[_Seen], size: float
     ) -> list[Block]:
         out, columns = [], self._columns[k]
         for i, which in enumerate(body.points):
-            away, unit, by = body.distance(at[i][which])
+            away, unit, by = body.distance(seen.at[i][which])
+            own = np.einsum("mi,mi->m", unit, seen.noise[i][which])
+            scale = self.body_scale[k][i].now(np.abs(own), size)
             common = self._zeros(len(which))
             for c, s in zip(np.flatnonzero(self.active[: self._own]), slopes, strict=True):
-                common[:, c] = np.einsum("mi,mi->m", unit, s[i][which])
+                noise = np.sign(own) * np.einsum("mi,mi->m", unit, s.noise[i][which])
+                wider = scale.change(noise, s.size) / scale.sigma
+                common[:, c] = np.einsum("mi,mi->m", unit, s.at[i][which]) - away * wider
             common[:, columns] = by
-            sigma = self.body_sigma[k][i]
             step = self.sweeps[i].step[which]
-            out += self._by_step(i, step, body_kind(k), -away / sigma, common / sigma[:, None])
+            rows = common / scale.sigma[:, None]
+            out += self._by_step(i, step, body_kind(k), -away / scale.sigma, rows)
         last = columns.stop - len(body.sizes)
         for j, (size, known) in enumerate(zip(body.sizes, body.known, strict=True)):
             if known is not None:
@@ -289,14 +390,16 @@ class SurfaceNetwork:
         return out
 
 
+def _rays_of(rig: Rig, sweeps: Sequence[Sweep]) -> _Rays:
+    beside = [s.pixels + NUDGE_PX * np.eye(2)[s.across] for s in sweeps]
+    return _Rays(
+        [rig.camera.rays(s.pixels) for s in sweeps], [rig.camera.rays(px) for px in beside]
+    )
+
+
 def body_kind(body: int) -> str:
     """The kind of the residuals of points on a body."""
     return f"body {body + 1}"
-
-
-def not_below(sigma: Floats) -> Floats:
-    """A point that slides along its surface says nothing, but not with infinite weight."""
-    return np.maximum(sigma, _LEAST_SIGMA * float(np.median(sigma))) if len(sigma) else sigma
 
 
 def motion_known(names: Sequence[str], known: TableMotion | None) -> tuple[Floats, Floats]:

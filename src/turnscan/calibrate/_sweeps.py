@@ -11,7 +11,8 @@ from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._residuals import CAMERA_SIZE
 from turnscan.rig import Rig, rotation_z
 
-_NUDGE_PX = 0.25
+NUDGE_PX = 0.25
+"""Beside a stripe, to see how its noise moves a point."""
 _MOST_LINES, _SOME = 8, 200
 _STEEP_PX = 3.0
 """px per scan line: a stripe that goes aside by more ends there, or is seen at a grazing angle."""
@@ -108,12 +109,3 @@ def thinned(sweep: Sweep, rig: Rig) -> Sweep:
         sigma=(np.sqrt(sums[2]) / size)[good],
         step=sweep.step[first][good],
     )
-
-
-def noise_of(sweep: Sweep, rig: Rig) -> Floats:
-    """(n, 3) mm in the object's frame: how one standard deviation of the stripe moves a point."""
-    aside = np.zeros(2)
-    aside[sweep.across] = _NUDGE_PX
-    ends = [sweep.points(rig, rig.camera.rays(sweep.pixels + d)) for d in (aside, -aside)]
-    moved: Floats = (ends[0] - ends[1]) / (2 * _NUDGE_PX) * sweep.sigma[:, None]
-    return moved
