@@ -16,14 +16,13 @@ from turnscan.calibrate import (
     Chessboard,
     detect_board,
     detect_markers,
-    measure_table_angle,
     moved_platter,
     parse_board,
-    platter_off,
+    platter_seen,
     stripe_light,
     white_margin,
 )
-from turnscan.calibrate._angle import table_angle
+from turnscan.calibrate._angle import markers_off, table_angle
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._light import _along_lines
 from turnscan.calibrate._select import on_board, on_platter
@@ -96,13 +95,13 @@ def test_table_angle_of_a_picture(angle: float) -> None:
         camera=replace(rig.camera, distortion=np.zeros(5)),
         markers=layout.markers("DICT_4X4_50"),
     )
-    found = measure_table_angle(marker_picture(angle), rig)
+    found = platter_seen(marker_picture(angle), rig).angle
     assert found is not None
     assert abs(np.angle(np.exp(1j * (found.angle - angle)))) < np.radians(0.1)
     assert set(found.markers) <= {5, 18, 27, 42}
-    assert measure_table_angle(np.full((480, 640), 128, np.uint8), rig) is None
+    assert platter_seen(np.full((480, 640), 128, np.uint8), rig).angle is None
     with pytest.raises(ValueError, match="camera"):
-        measure_table_angle(np.zeros((100, 100), np.uint8), rig)
+        platter_seen(np.zeros((100, 100), np.uint8), rig)
 
 
 def test_table_angle_sigma_is_the_spread() -> None:
@@ -262,11 +261,11 @@ def test_a_platter_that_has_moved_against_the_rig_is_said() -> None:
     for angle in (0.4, 1.9, 3.3):
         corners = world.rider_view(layout, angle).corners.reshape(-1, 4, 2)
         seen = [(m.number, m.corners, c) for m, c in zip(rig.markers, corners, strict=True)]
-        off["as it was"].append(platter_off(rig, seen))
-        off["moved"].append(platter_off(moved, seen))
+        off["as it was"].append(markers_off(rig, seen))
+        off["moved"].append(markers_off(moved, seen))
     assert max(off["as it was"]) < 0.5
     assert not moved_platter(rig, [*off["as it was"], float("nan")])
-    assert not moved_platter(rig, [platter_off(rig, [])])
+    assert not moved_platter(rig, [markers_off(rig, [])])
     (found,) = moved_platter(rig, off["moved"])
     assert (found.code, found.severity, found.where) == ("scan.rig-moved", "warning", "3 pictures")
     assert "beside where the rig puts them" in found.message

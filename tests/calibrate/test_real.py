@@ -17,8 +17,8 @@ from turnscan.calibrate import (
     detect_board,
     figures,
     fit_sheet,
-    measure_table_angle,
     parse_board,
+    platter_seen,
     stripe_light,
     white_margin,
 )
@@ -67,7 +67,7 @@ def test_the_stripe_on_the_table_of_the_object_lies_on_the_platter(
 ) -> None:
     rig = calibrated[0]
     picture = read_picture(needs_shared("turntable-mouse", "object", "step_num161.jpg"))
-    angle = measure_table_angle(picture, rig)
+    angle = platter_seen(picture, rig).angle
     assert angle is not None
     assert angle.residual_px < 0.7
     light = stripe_light(picture, None, (0, 1, 0))[0]

@@ -11,7 +11,7 @@ MOST_PARAMETERS = 10
 MOST_NAMES = {
     "acquire": 35,
     "app": 4,
-    "calibrate": 43,  # with a part as it is drawn
+    "calibrate": 44,  # with a part as it is drawn, and a platter that has moved
     "devices": 25,
     "drawings": 20,  # with shells of faces, their triangles and colours
     "edit": 83,  # with names of edits, and edits of named sets of settings

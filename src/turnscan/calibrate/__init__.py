@@ -1,13 +1,7 @@
 """Views of a target or an artefact → Rig + covariance + findings."""
 
 from turnscan.calibrate._advice import Advice, advice_of
-from turnscan.calibrate._angle import (
-    measure_table_angle,
-    moved_platter,
-    platter_markers,
-    platter_off,
-    table_angle,
-)
+from turnscan.calibrate._angle import moved_platter, platter_seen
 from turnscan.calibrate._board import (
     Board,
     BoardView,
@@ -75,7 +69,6 @@ __all__ = [
     "findings_of",
     "fit_sheet",
     "laser_weights",
-    "measure_table_angle",
     "measured_uncertainty",
     "moved_platter",
     "other_chessboard",
@@ -83,11 +76,9 @@ __all__ = [
     "parameters_of",
     "parse_board",
     "picture_fault",
-    "platter_markers",
-    "platter_off",
+    "platter_seen",
     "refine",
     "refuse_poor",
     "stripe_light",
-    "table_angle",
     "white_margin",
 ]

@@ -33,20 +33,29 @@ class TableAngle:
     """Numbers of the markers that were used."""
 
 
-def measure_table_angle(image: Image, rig: Rig) -> TableAngle | None:
-    """Angle of the table in a picture (H, W) or (H, W, 3), from the rig's markers.
+@dataclass(frozen=True)
+class Platter:
+    """The platter as its markers show it in one picture."""
 
-    One visible marker is enough. None where no marker of the rig is seen, or where those seen
-    contradict the rig. Raises ValueError when the rig has no markers or another picture size.
+    angle: TableAngle | None
+    """None where no marker of the rig is seen, or where those seen contradict the rig."""
+    off: float
+    """px by which half of the corners are farther from where the rig puts them, the table turned as
+    fits them best; NaN where none is seen."""
+
+
+def platter_seen(image: Image, rig: Rig) -> Platter:
+    """The platter in a picture (H, W) or (H, W, 3), by the rig's markers.
+
+    One visible marker is enough for its angle. Raises ValueError when the rig has no markers or
+    another picture size.
     """
-    return table_angle(rig, platter_markers(image, rig))
+    seen = _markers_seen(image, rig)
+    return Platter(table_angle(rig, seen), markers_off(rig, seen))
 
 
-def platter_markers(image: Image, rig: Rig) -> list[tuple[int, Floats, Floats]]:
-    """The rig's markers that a picture shows, each as (number, corners (4, 3) mm, pixels (4, 2)).
-
-    Raises as `measure_table_angle`.
-    """
+def _markers_seen(image: Image, rig: Rig) -> list[tuple[int, Floats, Floats]]:
+    """The rig's markers in a picture, each as (number, corners (4, 3) mm, pixels (4, 2))."""
     if not rig.markers:
         raise ValueError("this rig has no table markers")
     if image.shape[:2] != (rig.camera.height, rig.camera.width):
@@ -65,9 +74,8 @@ def platter_markers(image: Image, rig: Rig) -> list[tuple[int, Floats, Floats]]:
     return seen
 
 
-def platter_off(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> float:
-    """px by which half of the markers' corners are farther from where the rig puts them, the table
-    turned as fits them best; NaN where none is seen."""
+def markers_off(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> float:
+    """`Platter.off` of markers given as (number, corners (4, 3) mm, pixels (4, 2))."""
     if not seen:
         return float("nan")
     start = _median_angle(np.array([_start(rig, mm, px) for _, mm, px in seen]))
@@ -79,7 +87,7 @@ def platter_off(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> float:
 
 def moved_platter(rig: Rig, off: Sequence[float]) -> list[Finding]:
     """A warning where most pictures show the platter's markers beside their places; ``off`` are
-    `platter_off` of each."""
+    `Platter.off` of each."""
     seen = np.array([one for one in off if not np.isnan(one)])
     px = float(np.median(seen)) if len(seen) else 0.0
     if px <= _MOVED_PX * max(1.0, rig.camera.width / _USUAL_WIDTH):

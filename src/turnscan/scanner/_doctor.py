@@ -144,7 +144,7 @@ def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:
 
 def _platter(look: Examination, rig: Rig) -> list[Finding]:
     """Whether the markers on the platter are where the rig puts them."""
-    from turnscan.calibrate import moved_platter, platter_markers, platter_off
+    from turnscan.calibrate import moved_platter, platter_seen
 
     picture = look.picture()
     if picture.shape[:2] != (rig.camera.height, rig.camera.width):
@@ -158,8 +158,8 @@ def _platter(look: Examination, rig: Rig) -> list[Finding]:
                 "give the rig of this camera, or set the camera as it was calibrated",
             )
         ]
-    seen = platter_markers(picture, rig)
-    if not seen:
+    seen = platter_seen(picture, rig)
+    if math.isnan(seen.off):
         return [
             Finding(
                 "doctor.no-markers",
@@ -170,7 +170,7 @@ def _platter(look: Examination, rig: Rig) -> list[Finding]:
                 "light the room, or expose longer",
             )
         ]
-    return moved_platter(rig, [platter_off(rig, seen)])
+    return moved_platter(rig, [seen.off])
 
 
 def _laser(laser: LaserFacts) -> list[Finding]:

@@ -160,13 +160,7 @@ def _by_markers(
     series: Sequence[Series], rig: Rig | None, progress: Progress
 ) -> tuple[Angles, list[Finding]]:
     """Angles seen by the markers on the platter, outliers out and gaps filled by the motion."""
-    from turnscan.calibrate import (
-        angle_model,
-        moved_platter,
-        platter_markers,
-        platter_off,
-        table_angle,
-    )
+    from turnscan.calibrate import angle_model, moved_platter, platter_seen
 
     if rig is None or not rig.markers:
         raise InputError(
@@ -181,9 +175,9 @@ def _by_markers(
     off: list[float] = []
     for one in series:
         for shot, picture in _marker_pictures(one):
-            markers = platter_markers(picture, rig)
-            angle = table_angle(rig, markers)
-            off.append(platter_off(rig, markers))
+            platter = platter_seen(picture, rig)
+            angle = platter.angle
+            off.append(platter.off)
             places.append((one.laser, shot.step))
             names.append(shot.name)
             seen.append((math.nan, math.nan) if angle is None else (angle.angle, angle.sigma))

@@ -125,11 +125,11 @@ def check_turn(
 
     ``seen`` are step, name and picture. Nothing is said where fewer than four show a marker.
     """
-    from turnscan.calibrate import moved_platter, platter_markers, platter_off, table_angle
+    from turnscan.calibrate import moved_platter, platter_seen
 
-    shown = [(step, platter_markers(picture, rig)) for step, _, picture in seen]
-    moved = moved_platter(rig, [platter_off(rig, markers) for _, markers in shown])
-    found = [(step, table_angle(rig, markers)) for step, markers in shown]
+    shown = [(step, platter_seen(picture, rig)) for step, _, picture in seen]
+    moved = moved_platter(rig, [platter.off for _, platter in shown])
+    found = [(step, platter.angle) for step, platter in shown]
     k = np.array([step for step, angle in found if angle is not None], dtype=np.float64)
     if len(k) < _FEWEST:
         return moved
