@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tests.calibrate.world import true_layout, true_rig
-from turnscan.rig import rotation_z
+from turnscan.rig import Rig, rotation_z
 
 
 def drawn_charuco(legacy: bool = False) -> np.ndarray:
@@ -42,3 +42,15 @@ def marker_picture(angle: float) -> np.ndarray:
             tile, H, (4 * 640, 4 * 480), big, cv2.INTER_LINEAR, cv2.BORDER_TRANSPARENT
         )
     return np.asarray(cv2.resize(big, (640, 480), interpolation=cv2.INTER_AREA))
+
+
+def with_markers(aside: float) -> Rig:
+    """The rig of `marker_picture`, its camera ``aside`` mm beside where it was."""
+    rig = true_rig()
+    T = rig.T_camera_table
+    return replace(
+        rig,
+        camera=replace(rig.camera, distortion=np.zeros(5)),
+        markers=replace(true_layout(), shape=np.zeros(5)).markers("DICT_4X4_50"),
+        T_camera_table=replace(T, translation=T.translation + [aside, 0.0, 0.0]),
+    )

@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
-from tests.calibrate.boards import marker_picture
-from tests.calibrate.world import true_layout, true_rig
+from tests.calibrate.boards import marker_picture, with_markers
 from turnscan.arrays import Image
-from turnscan.rig import Rig
 from turnscan.scanner._doctor import _platter
 from turnscan.scanner._examine import Examination
 
 BLANK = np.full((480, 640), 128, np.uint8)
-
-
-def with_markers(aside: float) -> Rig:
-    """The rig of `marker_picture`, its camera ``aside`` mm beside where it was."""
-    rig = true_rig()
-    T = rig.T_camera_table
-    return replace(
-        rig,
-        camera=replace(rig.camera, distortion=np.zeros(5)),
-        markers=replace(true_layout(), shape=np.zeros(5)).markers("DICT_4X4_50"),
-        T_camera_table=replace(T, translation=T.translation + [aside, 0.0, 0.0]),
-    )
 
 
 @pytest.mark.parametrize(

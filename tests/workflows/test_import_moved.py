@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.calibrate.boards import marker_picture
-from tests.scanner.test_doctor_platter import with_markers
+from tests.calibrate.boards import marker_picture, with_markers
 from turnscan.workflows._import_look import check_turn
 from turnscan.workflows._import_options import EvenSteps
 
