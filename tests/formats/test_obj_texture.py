@@ -64,6 +64,7 @@ def test_the_texture_is_the_colour_of_the_vertices_everywhere_on_a_face(
 
 def test_another_program_reads_it(tmp_path: Path) -> None:
     import trimesh
+
     mesh = _coloured(60)
     save({tmp_path / "part.obj": mesh}, OPTIONS)
     read = trimesh.load(tmp_path / "part.obj", process=False)
