@@ -396,7 +396,7 @@ def test_opening_neither_moves_nor_lights_nor_resets(dialect: str, resets: bool)
     with Socket(firmware(dialect), scale=SCALE, reset_on_open=resets) as socket:
         changes: list[float] = []
         socket.firmware.on_change = lambda b: changes.append(b.turns)
-        device = board(f"{dialect}:{socket.path}?lasers=a,b", deadlines=QUICK)
+        device = board(f"{dialect}:{socket.path}?lasers=a,b", deadlines=PATIENT)
         time.sleep(0.05)
         said = b"".join(data for _, data in socket.firmware.received)
         assert socket.firmware._moves == socket.firmware._lights == 0
@@ -429,15 +429,15 @@ def test_the_policy_for_dtr_is_explicit(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_board_that_kept_its_place_is_believed() -> None:
     with Socket(firmware("grbl"), scale=SCALE) as socket:
         for dialect_angle in (0.5, 0.8):
-            device = board(f"grbl:{socket.path}", deadlines=QUICK)
+            device = board(f"grbl:{socket.path}", deadlines=PATIENT)
             assert device.remembers == (dialect_angle == 0.8)  # at first it counts zero
             reached = device.move_to(dialect_angle, 5.0)
             device.close()
-        device = board(f"grbl:{socket.path}", deadlines=QUICK)
+        device = board(f"grbl:{socket.path}", deadlines=PATIENT)
         assert device.angle == pytest.approx(reached, abs=0.002)
         device.close()
         socket.firmware.power_on()
-        device = board(f"grbl:{socket.path}", deadlines=QUICK)
+        device = board(f"grbl:{socket.path}", deadlines=PATIENT)
         assert device.angle == 0.0  # restarted, and honest about it
         assert not device.remembers
         device.close()
@@ -452,9 +452,9 @@ def test_ports_that_are_not_what_was_said(tmp_path: Path) -> None:
     with Socket(HorusFirmware(), scale=SCALE) as socket:
         with pytest.raises(DeviceGarbled, match="does not speak grbl"):
             board(f"grbl:{socket.path}", deadlines=Deadlines(0.1, 0.1, 0.3))
-        device = board(f"horus:{socket.path}", deadlines=QUICK)
+        device = board(f"horus:{socket.path}", deadlines=PATIENT)
         with pytest.raises(DeviceRefused, match="in use"):
-            board(f"horus:{socket.path}", deadlines=QUICK)
+            board(f"horus:{socket.path}", deadlines=PATIENT)
         device.close()
     silent = GrblFirmware()
     with Socket(silent, scale=SCALE) as socket:
@@ -490,12 +490,12 @@ def test_grbl_settings_that_do_not_suit() -> None:
             Socket(GrblFirmware(setting), scale=SCALE) as socket,
             pytest.raises(DeviceRefused, match=said),
         ):
-            board(f"grbl:{socket.path}{options}", deadlines=QUICK)
+            board(f"grbl:{socket.path}{options}", deadlines=PATIENT)
 
 
 def test_the_sardauscan_that_speaks_like_horus() -> None:
     with Socket(SardauscanHorusFirmware(), scale=SCALE) as socket:
-        device = board(f"horus:{socket.path}", deadlines=QUICK)
+        device = board(f"horus:{socket.path}", deadlines=PATIENT)
         # 21° are sent, of which it makes 29 of its 512 steps.
         assert math.degrees(device.move_to(math.radians(20.4), 5.0)) == pytest.approx(20.390625)
         assert socket.firmware.turns == pytest.approx(29 / 512)
