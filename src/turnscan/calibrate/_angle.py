@@ -100,7 +100,7 @@ def moved_platter(rig: Rig, off: Sequence[float]) -> list[Finding]:
             f"the markers on the platter are {px:.1f} px, about {mm:.1f} mm, beside where the rig "
             "puts them: camera or table has moved since it was calibrated",
             f"{len(seen)} picture" + ("s" if len(seen) > 1 else ""),
-            "calibrate again: turnscan calibrate with pictures of the table and of each laser",
+            "calibrate again, from pictures of the table and of each laser",
         )
     ]
 
