@@ -17,6 +17,7 @@ import tracemalloc
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -219,6 +220,28 @@ def test_what_a_dead_process_left_is_removed_and_no_scratch_that_is_in_use(tmp_p
         with scratch(tmp_path) as second:
             assert {living, second, *elsewhere} == set(living.parent.iterdir())
     assert set(living.parent.iterdir()) == elsewhere
+
+
+def test_scratch_that_is_taken_for_dead_before_it_is_locked_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the lock of what removes it and the removal."""
+    doomed: list[Path] = []
+    monkeypatch.setattr(
+        _batch_scratch, "shutil", SimpleNamespace(rmtree=lambda f, **_: doomed.append(f))
+    )
+    true_take, swept = _batch_scratch.take, []
+
+    def take(held: int) -> bool:
+        if not swept:  # the first to come is the owner
+            swept.append(True)
+            _batch_scratch.swept(tmp_path)
+        return true_take(held)
+
+    monkeypatch.setattr(_batch_scratch, "take", take)
+    with scratch(tmp_path) as folder:
+        assert doomed and folder not in doomed
+        assert (folder / "held").is_file()
 
 
 def test_scratch_whose_place_another_takes_away_at_every_turn(

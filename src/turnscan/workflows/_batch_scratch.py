@@ -2,7 +2,8 @@
 
 They lie in one hidden folder of the results, on the same disk. Each is named by its machine and
 holds a locked file for as long as its process lives; what nobody of this machine holds any more is
-removed. Not every shared disk tells of another machine's lock, so each machine clears up its own.
+removed. What removes it says so in that file, under its lock: a process that was just about to
+take the lock then knows that its folder is lost, and makes another. Not every shared disk tells of another machine's lock, so each machine clears up its own.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from turnscan.locking import take
 
 _FOLDER = ".turnscan"
 _HELD = "held"
+_LOST = b"removed"
 _TRIES = 20
 """Then the disk has no locks, and no folder on it is ever taken for dead."""
 
@@ -63,6 +65,8 @@ def swept(output: Path) -> None:
         except OSError:  # just made, or just removed by another
             continue
         dead = take(held)
+        if dead:
+            os.write(held, _LOST)
         os.close(held)
         if dead:
             shutil.rmtree(folder, ignore_errors=True)
@@ -87,7 +91,7 @@ def _held(place: Path) -> tuple[Path, int]:
                 raise
             continue  # another ended, and took the empty place away
         tries += 1
-        if take(held) or tries == _TRIES:
+        if (take(held) and not os.fstat(held).st_size) or tries == _TRIES:
             return folder, held
         os.close(held)  # another took it for dead, and removes it
         shutil.rmtree(folder, ignore_errors=True)
