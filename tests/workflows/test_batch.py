@@ -240,7 +240,8 @@ def test_scratch_that_is_taken_for_dead_before_it_is_locked_is_made_anew(
 
     monkeypatch.setattr(_batch_scratch, "take", take)
     with scratch(tmp_path) as folder:
-        assert doomed and folder not in doomed
+        assert doomed
+        assert folder not in doomed
         assert (folder / "held").is_file()
 
 

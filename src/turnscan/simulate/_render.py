@@ -287,9 +287,21 @@ class Renderer:
         x, y = np.arange(-rx, rx + 1) / ax, np.arange(-ry, ry + 1) / ay
         kernel = np.exp(-np.hypot(x[None], y[:, None]))
         kernel /= kernel.sum()
-        around = cv2.filter2D(light, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
-        around = np.maximum(around, 0.0) * (self.view.seen(T) >= 0).reshape(light.shape)
-        return np.asarray((1 - share) * light + share * around, dtype=np.float32)
+        out = np.zeros_like(light)
+        reached = _around(light, ry, rx)  # elsewhere it stays dark: a stripe is a small part
+        near = light[reached]
+        around = cv2.filter2D(near, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
+        around = np.maximum(around, 0.0) * (self.view.seen(T) >= 0).reshape(light.shape)[reached]
+        out[reached] = (1 - share) * near + share * around
+        return out
+
+
+def _around(light: Singles, rows: int, columns: int) -> tuple[slice, slice]:
+    """The part of a picture (H, W) that is lit, and so many pixels beyond it."""
+    lit = [np.flatnonzero(light.any(axis=axis)) for axis in (1, 0)]
+    ends = [(int(k[0]), int(k[-1]) + 1) if len(k) else (0, 0) for k in lit]
+    (r0, r1), (c0, c1) = ends
+    return slice(max(r0 - rows, 0), r1 + rows), slice(max(c0 - columns, 0), c1 + columns)
 
 
 def sheet_numbers(sheet: LaserSheet) -> Numbers:

@@ -3,7 +3,8 @@
 They lie in one hidden folder of the results, on the same disk. Each is named by its machine and
 holds a locked file for as long as its process lives; what nobody of this machine holds any more is
 removed. What removes it says so in that file, under its lock: a process that was just about to
-take the lock then knows that its folder is lost, and makes another. Not every shared disk tells of another machine's lock, so each machine clears up its own.
+take the lock then knows that its folder is lost, and makes another. Not every shared disk tells of
+another machine's lock, so each machine clears up its own.
 """
 
 from __future__ import annotations
