@@ -94,6 +94,20 @@ def test_the_wall_of_a_tube_is_as_thick_as_it_is() -> None:
     assert wall_thickness(noisy(turned([(20, 0), (17, 30)], 0.5, 250), SIGMA, 1)) is None
 
 
+@pytest.mark.parametrize("radius", [20.0, 200.0])
+def test_noise_that_turns_the_normals_makes_no_wall_thicker(radius: float) -> None:
+    """0.15 mm of noise over 1.5 mm between points turn the mean normals by 2 to 3 degrees."""
+    outline = [(radius, 0.0), (radius, 60.0), (radius - 10, 60.0), (radius - 10, 0.0)]
+    clean = turned(outline, 1.5, int(radius * 4))
+    z = []
+    for seed in range(4):
+        found = wall_thickness(noisy(clean, 0.15, seed))
+        assert found is not None
+        z.append((found.median - 10.0) / found.median_sigma)
+    assert abs(np.mean(z)) < 1.5
+    assert found.median_sigma < 0.01
+
+
 def test_what_moves_one_side_alone_counts_in_the_thickness() -> None:
     mesh = noisy(turned([(20, 0), (20, 40), (17, 40), (17, 0)], 0.5, 250), SIGMA, 1)
     out = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]) > 18.5

@@ -1,8 +1,10 @@
 """Thickness of walls: from each place of a surface straight through the material to its far side.
 
 Rays go from each point against the mean normal about it, and the mean of those of some 25
-neighbouring points that look one way stands for a place, so that noise hardly counts. A wall has a
-thickness where both of its sides were measured. What is as thick as a third of the part is no wall.
+neighbouring points that look one way stands for a place, so that noise hardly counts. A ray aslant
+is longer whichever way it leans: places where an edge bends the normals count for nothing, and what
+noise turns them is taken off. A wall has a thickness where both of its sides were measured. What is
+as thick as a third of the part is no wall.
 """
 
 from __future__ import annotations
@@ -25,6 +27,10 @@ _ACROSS = 0.8
 """Cosine between a ray and the normal of the far side, from which on the two are a wall."""
 _PLACES, _SHARE = 20, 0.02
 """Places that must have a far side, and which share of all they must be."""
+_EDGE, _EVEN = 6.0, 3e-4
+"""A place whose normals are so many times as uneven as those of most, and of 1°, has an edge."""
+_FLAT = 0.01
+"""Share of the largest eigenvalue under which a place has no extent."""
 _LIFT = 1e-3
 """Of a face's size: a ray starts so far below it, lest it meets the face that it starts on."""
 _THIN = 1 / 3
@@ -72,12 +78,17 @@ def wall_thickness(mesh: Mesh, moves: Sequence[Floats] = ()) -> Walls | None:
     normals = smoothed_normals(mesh)[some]
     face, thick = _through(mesh, mesh.vertices[some], normals)
     crossed = thick <= _THIN * _extent(mesh.vertices[some])
+    rays = np.flatnonzero(crossed)
+    if not len(rays):
+        return None
     own, count = np.unique(place[crossed], return_inverse=True, return_counts=True)[1:]
-    good = (count >= _LEAST) & (count >= _MOSTLY * np.bincount(place)[np.unique(place[crossed])])
+    uneven = _uneven(own, mesh.vertices[some[rays]], normals[rays])
+    good = uneven <= _EDGE * max(float(np.median(uneven)), _EVEN)
+    good &= (count >= _LEAST) & (count >= _MOSTLY * np.bincount(place)[np.unique(place[crossed])])
     total = int((np.bincount(place) >= _LEAST).sum())
     if good.sum() < max(_PLACES, _SHARE * total):
         return None
-    rays = np.flatnonzero(crossed)
+    thick[rays] *= 1.0 - uneven[own] / 2
     mean = _means(own, thick[rays])[good]
     far = mesh.faces[face[rays]]
     noise = _noise(own, thick[rays], face[rays])[good]
@@ -138,6 +149,23 @@ def _places(mesh: Mesh, some: npt.NDArray[np.intp]) -> npt.NDArray[np.int64]:
     looks = 2 * chief + (np.take_along_axis(normals, chief[:, None], axis=1)[:, 0] < 0)
     keys = ((at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2]) * 6 + looks
     return np.asarray(np.unique(keys, return_inverse=True)[1].ravel(), dtype=np.int64)
+
+
+def _uneven(of: npt.NDArray[np.intp], X: Floats, normals: Floats) -> Floats:
+    """(c,) Mean square of what the unit normals (n, 3) at points of each place are off from a turn
+    that is even over the place, as it is on a wall that is curved."""
+    order = np.argsort(of, kind="stable")
+    count = np.bincount(of)
+    starts = np.cumsum(count) - count
+    away = X - np.column_stack([_means(of, X[:, k]) for k in range(3)])[of]
+    away /= max(float(np.sqrt((away**2).sum(axis=1).mean())), 1e-12)
+    A = np.column_stack([np.ones(len(X)), away])
+    G = np.add.reduceat((A[:, :, None] * A[:, None])[order], starts)
+    B = np.add.reduceat((A[:, :, None] * normals[:, None])[order], starts)
+    # Across the wall the points scatter by their noise alone: that tells nothing of its turn.
+    turns = np.linalg.pinv(G, rcond=_FLAT, hermitian=True) @ B
+    left = normals - np.einsum("ij,ijk->ik", A, turns[of])
+    return np.asarray(np.bincount(of, (left**2).sum(axis=1)) / np.maximum(count - 3, 1))
 
 
 def _means(of: npt.NDArray[np.intp], values: Floats) -> Floats:
