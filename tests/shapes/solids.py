@@ -32,7 +32,7 @@ def turned(corners: list[tuple[float, float]], step: float, around: int) -> Mesh
         ],
         axis=-1,
     )
-    return _wrapped(grid)
+    return wrapped(grid)
 
 
 def prism(outline: list[tuple[float, float]], height: float, step: float) -> Mesh:
@@ -40,10 +40,10 @@ def prism(outline: list[tuple[float, float]], height: float, step: float) -> Mes
     p = lines([*outline, outline[0]], step)[:-1]
     z = np.arange(0, height + step / 2, step)
     grid = np.stack([np.column_stack([p, np.full(len(p), h)]) for h in z])
-    return _wrapped(grid)
+    return wrapped(grid)
 
 
-def _wrapped(grid: Floats) -> Mesh:
+def wrapped(grid: Floats) -> Mesh:
     """Triangles of a grid (rows, columns, 3) whose columns close; rows go up, columns around."""
     rows, columns, _ = grid.shape
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.shapes.solids import noisy, prism, turned
+from tests.shapes.solids import noisy, prism, turned, wrapped
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import FormError, find_shapes, orientation_errors
 from turnscan.shapes.walls import wall_thickness
@@ -106,6 +106,19 @@ def test_noise_that_turns_the_normals_makes_no_wall_thicker(radius: float) -> No
         z.append((found.median - 10.0) / found.median_sigma)
     assert abs(np.mean(z)) < 1.5
     assert found.median_sigma < 0.01
+
+
+def test_faces_that_cut_an_edge_make_no_wall_thin() -> None:
+    """The profiles of a coarse turn are 4 mm apart, and miss the edges of a plate of 10 mm."""
+    x = np.arange(-24.0, 25.0, 4.0)
+    back, front = ([(u, y) for u in x[::way]] for y, way in ((-5.0, 1), (5.0, -1)))
+    outline = np.array([*back, (28.0, -4.0), (30.0, 0.0), *front, (-29.0, 3.0), (-30.0, -2.0)])
+    heights = np.arange(0, 60.5, 0.5)
+    grid = np.stack([np.column_stack([outline, np.full(len(outline), z)]) for z in heights])
+    found = wall_thickness(noisy(wrapped(grid), 0.05, 1))
+    assert found is not None
+    assert found.least > 10.0 - 2 * found.noise - 3 * found.least_sigma
+    assert found.median == pytest.approx(10.0, abs=3 * found.median_sigma)
 
 
 def test_what_moves_one_side_alone_counts_in_the_thickness() -> None:

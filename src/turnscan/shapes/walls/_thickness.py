@@ -28,7 +28,7 @@ _ACROSS = 0.8
 _PLACES, _SHARE = 20, 0.02
 """Places that must have a far side, and which share of all they must be."""
 _EDGE, _EVEN = 6.0, 3e-4
-"""A place whose normals are so many times as uneven as those of most, and of 1°, has an edge."""
+"""Where normals are so many times as uneven as most, and as 1°, there is an edge."""
 _FLAT = 0.01
 """Share of the largest eigenvalue under which a place has no extent."""
 _LIFT = 1e-3
@@ -75,15 +75,17 @@ def wall_thickness(mesh: Mesh, moves: Sequence[Floats] = ()) -> Walls | None:
     if not len(some):
         return None
     place = _places(mesh, some)
-    normals = smoothed_normals(mesh)[some]
+    every = smoothed_normals(mesh)
+    normals = every[some]
     face, thick = _through(mesh, mesh.vertices[some], normals)
     crossed = thick <= _THIN * _extent(mesh.vertices[some])
+    crossed[crossed] = _without_edges(every[mesh.faces[face[crossed]]].var(axis=1).sum(axis=1))
     rays = np.flatnonzero(crossed)
     if not len(rays):
         return None
     own, count = np.unique(place[crossed], return_inverse=True, return_counts=True)[1:]
     uneven = _uneven(own, mesh.vertices[some[rays]], normals[rays])
-    good = uneven <= _EDGE * max(float(np.median(uneven)), _EVEN)
+    good = _without_edges(uneven)
     good &= (count >= _LEAST) & (count >= _MOSTLY * np.bincount(place)[np.unique(place[crossed])])
     total = int((np.bincount(place) >= _LEAST).sum())
     if good.sum() < max(_PLACES, _SHARE * total):
@@ -149,6 +151,14 @@ def _places(mesh: Mesh, some: npt.NDArray[np.intp]) -> npt.NDArray[np.int64]:
     looks = 2 * chief + (np.take_along_axis(normals, chief[:, None], axis=1)[:, 0] < 0)
     keys = ((at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2]) * 6 + looks
     return np.asarray(np.unique(keys, return_inverse=True)[1].ravel(), dtype=np.int64)
+
+
+def _without_edges(uneven: Floats) -> npt.NDArray[np.bool_]:
+    """Which of places, or of faces, have no edge, by the mean squares (n,) of how uneven the unit
+    normals at their points are. A face that spans an edge lies in the material."""
+    if not len(uneven):
+        return np.zeros(0, np.bool_)
+    return np.asarray(uneven <= _EDGE * max(float(np.median(uneven)), _EVEN))
 
 
 def _uneven(of: npt.NDArray[np.intp], X: Floats, normals: Floats) -> Floats:
