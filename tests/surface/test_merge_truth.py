@@ -20,6 +20,7 @@ from turnscan.shapes import deviation
 from turnscan.surface.clean import clean, drop_islands
 from turnscan.surface.fusion import RangeSurface, merge, range_surfaces
 from turnscan.surface.fusion._carve import carved
+from turnscan.surface.fusion._range_surface import usual_sigma
 from turnscan.surface.fusion._seat import seated
 from turnscan.surface.fusion._witness import witnessed
 
@@ -111,9 +112,10 @@ def test_what_one_laser_looked_through_is_no_surface_of_the_other() -> None:
 def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:
     surfaces = [s for g in scanned("handle", 60, 2) for s in range_surfaces(g)]
     mesh = surfaces[0].mesh
-    good, sigma, guessed = witnessed(mesh, surfaces, 1.0, 1.0)
+    good, sigma, guessed, loose = witnessed(mesh, surfaces, 1.0, 1.0)
     assert good.all()
     assert not guessed.any()
+    assert not loose.any(), "each stands on its own point"
     assert sigma == pytest.approx(surfaces[0].sigma), "what lies on a surface is as it was"
     between = np.tile([23.0, 0.0, 30.0], (len(mesh.vertices), 1))
     moved = np.where(np.arange(len(mesh.vertices))[:, None] % 50 == 0, between, mesh.vertices)
@@ -163,10 +165,37 @@ def test_what_a_doubtful_point_alone_confirms_from_afar_is_as_doubtful() -> None
     unsure = replace(one, mesh=replace(one.mesh, provenance=replace(p, sigma=1.0 + 0 * p.sigma)))
     lifted = one.mesh.vertices + np.where(some, 0.8, 0.0)[:, None] * one.normals
     sure = replace(one.mesh, vertices=lifted, provenance=replace(p, sigma=0.05 + 0 * p.sigma))
-    good, sigma, _ = witnessed(sure, [unsure], 0.1, 2.0)
+    good, sigma, *_ = witnessed(sure, [unsure], 0.1, 2.0)
     inside = some & (np.linalg.norm(one.normals, axis=1) > 0.5)
     assert good.all()
     assert np.median(sigma[inside]) > 0.5
     assert sigma[~some] == pytest.approx(0.05)
     beyond = witnessed(sure, [unsure], 0.1, 0.3).confirmed
     assert beyond[inside].mean() < 0.2, "nor from beyond what counts"
+
+
+def test_what_is_known_badly_beside_a_measured_point_goes_onto_it() -> None:
+    """Between a good point and one that is 2 mm off by its own sigma a merge has the mean."""
+    one = range_surfaces(scan("ridge", 40, 0))[0]
+    p = one.mesh.provenance
+    some = np.arange(len(p.sigma)) % 50 == 0
+    along = np.where(some[:, None], [0.0, 0.0, 0.2], 0.0)
+    vague = replace(p, sigma=np.where(some, 2.0, p.sigma))
+    mesh = replace(one.mesh, vertices=one.mesh.vertices + along, provenance=vague)
+    told = witnessed(mesh, [one], 0.5, 1.0)
+    assert told.loose[some].mean() > 0.8, "the others lie where the surface bends: guessed"
+    assert (told.loose | told.guessed)[some].mean() > 0.95
+    assert not told.loose[~some].any()
+    moved, left = seated(mesh, told.loose, [one], 0.5)
+    there = told.loose & ~left
+    assert there.sum() > 0.7 * told.loose.sum()
+    assert moved.vertices[there] == pytest.approx(one.mesh.vertices[there], abs=1e-12)
+    assert moved.provenance.sigma[there] == pytest.approx(p.sigma[there])
+
+
+def test_where_most_points_are_doubtful_their_doubt_is_not_the_usual_noise() -> None:
+    noise = np.full(100, 0.1)
+    assert usual_sigma(noise) == pytest.approx(0.1)
+    assert usual_sigma(np.concatenate([noise, np.full(80, 1.3)])) == pytest.approx(0.1)
+    assert usual_sigma(np.concatenate([noise, np.full(150, 1.3)])) == pytest.approx(0.13)
+    assert usual_sigma(np.zeros(0)) == 0.0

@@ -37,8 +37,10 @@ def curvature_shift(light: LitPoints, thickness: float) -> Floats:
     ± 2.5 widths leaves out 0.609 of the profile's skewness, as much of it as is the sheet's and not
     a blur's: q = 3 − 0.609 (σ t·a / c w)², w the stripe's width.
 
-    Curvature is taken over ± `_SPAN` σ, steadied along the profile and over the neighbours over and
-    beyond, and counts as far as they have the same: an edge is none.
+    Curvature is taken over ± `_SPAN` σ, and not where the points reach over less than half of that:
+    beside the axis, where no turn carries them that far, it would be their noise. It is steadied
+    along the profile and over the neighbours over and beyond, and counts as far as they have the
+    same: an edge is none.
     """
     from turnscan.points import _curvature_kernels as kernels
 

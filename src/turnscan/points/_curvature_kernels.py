@@ -12,7 +12,12 @@ Counts = npt.NDArray[np.int16]
 Vector = tuple[float, float, float]
 
 _MOST = 16
-"""Steps to either side, at most."""
+"""Steps to either side, at most, where the way from step to step says how many it takes, …"""
+_MOST_SHORT = 64
+"""… and where noise made that way look longer than it is: near the axis, or in fine steps."""
+_REACHED = 0.5
+"""Part of the span that the curve reaches to either side at least. Of points closer together noise
+makes a curvature that moves the centre by more than the noise itself."""
 _LOPSIDED = 1.5
 """The one side may be so many times as long as the other."""
 _STRAIGHT = 0.3
@@ -46,6 +51,12 @@ def _from(p: Vector, q: Vector) -> Vector:
 @njit(cache=True, nogil=True)
 def _over(p: Vector, by: float) -> Vector:
     return p[0] / by, p[1] / by, p[2] / by
+
+
+@njit(cache=True, nogil=True)
+def _short(a: Vector, b: Vector, least: float) -> bool:
+    """Whether one of two ways is shorter than that; not where one is not known."""
+    return min(_dot(a, a), _dot(b, b)) < least * least
 
 
 @njit(cache=True, nogil=True)
@@ -84,6 +95,16 @@ def shifts(
                 _from(here, _at(points, (k - m) % s, j)),
                 _from(here, _at(points, (k + m) % s, j)),
             )
+            while _short(a, b, _REACHED * span):
+                m *= 2
+                if m > min(_MOST_SHORT, s // 4) or (not closed and (k + m >= s or k < m)):
+                    break
+                a, b = (
+                    _from(here, _at(points, (k - m) % s, j)),
+                    _from(here, _at(points, (k + m) % s, j)),
+                )
+            if _short(a, b, _REACHED * span):
+                continue
             sight = _from(here, eye)
             one, other = _shift(
                 a, b, sight, _at(moves, k, j), _at(sheets, k, j), thickness, width[k, j]

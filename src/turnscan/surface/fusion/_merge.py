@@ -21,7 +21,13 @@ from turnscan.surface.fusion._carve import carved
 from turnscan.surface.fusion._combine import paste
 from turnscan.surface.fusion._overlap import apart_findings, overlap_findings, overlaps
 from turnscan.surface.fusion._polar import merge_polar, polar_grid
-from turnscan.surface.fusion._range_surface import RangeSurface, range_surfaces, rise, spacing
+from turnscan.surface.fusion._range_surface import (
+    RangeSurface,
+    range_surfaces,
+    rise,
+    spacing,
+    usual_sigma,
+)
 from turnscan.surface.fusion._seat import seated
 from turnscan.surface.fusion._tsdf import fuse
 from turnscan.surface.fusion._witness import witnessed
@@ -67,7 +73,7 @@ def merge(
     surfaces = [s for g in there for s in range_surfaces(g, t) if len(s.mesh.faces)]
     if not surfaces:
         return paste(grids, t, along), []
-    sigma = float(np.median(np.concatenate([s.sigma for s in surfaces])))
+    sigma = usual_sigma(np.concatenate([s.sigma for s in surfaces]))
     surfaces, through = carved(surfaces, max(rise(surfaces), 3 * sigma))
     surfaces = [s for s in surfaces if len(s.mesh.faces)]
     found = overlaps(surfaces)
@@ -117,14 +123,13 @@ def _confirmed(
 ) -> tuple[Mesh, list[Finding]]:
     """The mesh without the vertices that no measured surface confirms, or that are guessed.
 
-    What was guessed beside a measured point goes onto it (`seated`); between profiles it is spanned
-    by faces between the vertices that are left, and where that does not go, as beyond the end of a
-    profile, its faces go. What is confirmed from
-    afar alone is known no better than that. Faces that close a seam are not measured, and need no
-    witness.
+    What was guessed beside a measured point, or is known badly there, goes onto it (`seated`);
+    between profiles it is spanned by faces between the vertices that are left, and where that does
+    not go, as beyond the end of a profile, its faces go. What is confirmed from afar alone is known
+    no better than that. Faces that close a seam are not measured, and need no witness.
     """
     told = witnessed(mesh, surfaces, voxel, most)
-    good, guessed = told.confirmed, told.guessed
+    good, guessed, loose = told.confirmed, told.guessed, told.loose
     p = mesh.provenance
     if p is not None:
         sigma = np.where(good & ~np.isnan(p.sigma), told.sigma, p.sigma)
@@ -132,18 +137,20 @@ def _confirmed(
     if mesh.measured is not None:
         made = np.zeros(len(mesh.vertices), dtype=np.bool_)
         made[mesh.faces[~mesh.measured]] = True
-        good, guessed = good | made, guessed & ~made
+        good, guessed, loose = good | made, guessed & ~made, loose & ~made
     out = list[Finding]()
     if not good.all():
         text = f"{int((~good).sum())} vertices far from every measured surface are removed"
         out.append(Finding("surface.unmeasured", "note", text, _about(mesh.vertices[~good])))
-        mesh, guessed = _without(mesh, ~good, guessed)
-    if guessed.any():
-        mesh, guessed = dissolve(*seated(mesh, guessed, surfaces, voxel))
+        mesh, left = _without(mesh, ~good)
+        guessed, loose = guessed[left], loose[left]
+    if (guessed | loose).any():
+        mesh, unseated = seated(mesh, guessed | loose, surfaces, voxel)
+        mesh, guessed = dissolve(mesh, guessed & unseated)
     if guessed.any():
         text = f"{int(guessed.sum())} vertices between profiles, or beyond their ends, are removed"
         out.append(Finding("surface.guessed", "note", text, _about(mesh.vertices[guessed])))
-        mesh, _ = _without(mesh, guessed, guessed)
+        mesh, _ = _without(mesh, guessed)
     return mesh, out
 
 
@@ -152,12 +159,12 @@ def _about(X: Floats) -> str:
     return f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
 
 
-def _without(mesh: Mesh, which: Bools, marks: Bools) -> tuple[Mesh, Bools]:
-    """The mesh without the faces at vertices (v,), and the ``marks`` of the vertices left."""
+def _without(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
+    """The mesh without the faces at vertices (v,), and which of its vertices are left."""
     keep = np.asarray(~which[mesh.faces].any(axis=1))
     used = np.zeros(len(which), dtype=np.bool_)
     used[mesh.faces[keep]] = True
-    return submesh(mesh, keep), marks[used]
+    return submesh(mesh, keep), used
 
 
 def _steps(grids: Sequence[RangeGrid]) -> int:

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import joined_provenance
 from turnscan.points import Along, RangeGrid
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
-from turnscan.surface.fusion._range_surface import RangeSurface
+from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
 
 _CLASHES = 0.005
 """Share of the cells with two radii above which a part is re-entrant."""
@@ -24,6 +24,8 @@ _JUMP = 3.0
 """Combined sigma beyond which two measurements of one cell are not averaged."""
 _GUESS = 0.75
 """Lines' distances that a surface may be off between two profiles before a cell is a guess."""
+_VAGUE = 10.0
+"""Usual sigma beyond which a cell between profiles is a guess."""
 _COARSE = 2.5
 """Profiles further apart than this many lines are coarse."""
 _SAME = 0.25
@@ -77,6 +79,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     from turnscan.surface.fusion._variance_kernels import Vertices
 
     # By an edge alone no cell becomes a guess: that begins beyond most of a line's distance.
+    # Nor by a slight one: where a face is doubted, the cell takes another radius of the part.
     between = [s.between(edges=0.99 * _GUESS * rise) for s in surfaces]
     columns = _columns(surfaces, steps, rise)
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
@@ -154,14 +157,16 @@ def merge_polar(
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
     it makes a measurement count less, and the sigma of a cell larger. Averaging lowers the usual
     noise alone: what is known worse, at an edge or between profiles, all surfaces may have alike.
-    Where it may be more than three quarters of a
-    line's distance and more than three usual sigma, nothing was measured, and the cell is left to
-    the other surfaces. A vertex has the provenance of the nearest vertex of the best surface.
+    Where it may be more than three quarters of a line's distance and more than three usual sigma,
+    nothing was measured, and the cell is left to the other surfaces; so is one between profiles
+    that is known ten times worse than usual (`_vague`). A vertex has the provenance of the nearest
+    vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
-    usual = float(np.nanmedian(grid.noise)) if grid.radius.size else 0.0
+    usual = usual_sigma(grid.noise[~np.isnan(grid.noise)])
     with np.errstate(invalid="ignore"):
         guess = grid.spread**2 - grid.noise**2 > max(_GUESS * grid.rise, _JUMP * usual) ** 2
+    guess |= _vague(grid, surfaces, _VAGUE * usual)
     grid = replace(grid, weight=np.where(guess, 0.0, grid.weight))
     best = np.argmax(grid.weight, axis=0)[None]
     chosen = np.take_along_axis(grid.radius, best, 0)
@@ -205,6 +210,26 @@ def merge_polar(
     starts = np.cumsum([0] + [len(p.mesh.vertices) for p in surfaces])[:-1]
     source = np.take_along_axis(grid.source, best, 0)[0] + starts[best[0]]
     return replace(mesh, provenance=_measured_by(mesh, source, surfaces)), int(off.sum())
+
+
+def _vague(grid: PolarGrid, surfaces: Sequence[RangeSurface], most: float) -> Bools:
+    """(surfaces, s, n) True for cells of more than ``most`` mm of sigma between profiles: further
+    than a line's distance from the measured vertex that is nearest to them.
+
+    A point that is known so badly is kept where it was measured; what runs from there to the next
+    profile is a guess.
+    """
+    out = np.zeros(grid.radius.shape, dtype=np.bool_)
+    with np.errstate(invalid="ignore"):
+        some = np.stack(np.nonzero(grid.noise > most))
+    for i, surface in enumerate(surfaces):
+        own = some[:, some[0] == i]
+        r, angle = grid.radius[tuple(own)], grid.angles[own[1]]
+        height = grid.bottom + grid.rise * own[2]
+        at = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=-1)
+        away = np.linalg.norm(at - surface.mesh.vertices[grid.source[tuple(own)]], axis=1)
+        out[tuple(own)] = away > grid.rise
+    return out
 
 
 def _measured_by(

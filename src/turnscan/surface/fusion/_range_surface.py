@@ -16,8 +16,12 @@ from turnscan.points import RangeGrid
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
+_DOUBTED = 1.3
+"""The usual noise is at most so many times that of the best known quarter of the points."""
 _BENT = 3.0
-"""Combined sigma by which a bend must differ from the next to be an edge."""
+"""Combined sigma by which a bend must differ from the next to be an edge, …"""
+_SURE = 7.5
+"""… and by which both must together, of which noise alone makes the root of six."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +76,14 @@ class RangeSurface:
             raise TypeError("the mesh of a grid knows its steps")
         return self.mesh.provenance
 
-    def between(self, edges: float = 0.0) -> Floats:
+    def between(self, edges: float = 0.0, *, slight: bool = False) -> Floats:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal
         beyond what noise makes of it, which is the sagitta of what bends evenly.
         Where there are not three profiles in a row nothing is known of the bend; there it is an
         eighth of the usual distance between two profiles. Up to ``edges`` mm it counts what an edge
-        between them does.
+        between them does, with ``slight`` also one of which one profile shows little.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
@@ -92,17 +96,18 @@ class RangeSurface:
         off = np.where(np.isnan(off), aside, off)
         if edges > 0:
             # Where nothing is known of the bend, no edge that was not seen says there is none.
-            off = np.maximum(off, np.minimum(self._creases(second), edges))
+            off = np.maximum(off, np.minimum(self._creases(second, slight), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
-    def _creases(self, second: Floats) -> Floats:
+    def _creases(self, second: Floats, slight: bool) -> Floats:
         """(v,) mm: how far an edge between two profiles stands off their chord, from the second
         differences (v,) along the normal.
 
         An edge that divides a step as t : 1 − t bends the profiles beside it by (1 − t) and t of
         its turn, and stands t (1 − t) of that off the chord: the product of the two bends over
-        their sum. What the profiles further out bend as well is no edge, nor is what noise bends.
+        their sum. What the profiles further out bend as well is no edge, nor is what noise bends:
+        each of the two, or, for a ``slight`` one, both together.
         """
         before, after = self.neighbours
         out = np.zeros(len(second))
@@ -113,7 +118,9 @@ class RangeSurface:
                 sign = np.sign(second)
                 mine = sign * (second - np.where(far >= 0, second[far], np.nan))
                 other = sign * (second[near] - np.where(beyond >= 0, second[beyond], np.nan))
-                least = _BENT * np.hypot(self.sigma, self.sigma[near])
+                noise = np.hypot(self.sigma, self.sigma[near])
+                sure = slight & (mine + other > _SURE * noise)
+                least = np.where(sure, 0.0, _BENT * noise)
                 mine, other = (
                     np.sqrt(np.maximum(e * np.abs(e) - least**2, 0)) for e in (mine, other)
                 )
@@ -147,6 +154,18 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
     eyes = grid.eyes[at]
     return RangeSurface(mesh, eyes, smoothed_normals(mesh))
+
+
+def usual_sigma(sigma: Floats) -> float:
+    """What noise usually makes of points of these sigma (v,), mm; 0 for none.
+
+    The median; where edges and creases make more than half of the points doubtful, a little more
+    than the quarter that is known best.
+    """
+    if not len(sigma):
+        return 0.0
+    best, middle = np.quantile(sigma, (0.25, 0.5))
+    return float(min(middle, _DOUBTED * best))
 
 
 def spacing(surfaces: Sequence[RangeSurface]) -> float:

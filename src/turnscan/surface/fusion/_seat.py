@@ -11,7 +11,7 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import vertex_normals
 from turnscan.mesh._parts import joined_provenance
-from turnscan.surface.fusion._range_surface import RangeSurface
+from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
 
 _ALIKE = 0.7
 """Cosine between the normals of a vertex and of the point that it goes onto."""
@@ -42,7 +42,7 @@ def seated(
 
     tree = cKDTree(mesh.vertices[near])
     away, nearest = (np.asarray(k) for k in tree.query(points, distance_upper_bound=reach))
-    point = np.flatnonzero(np.isfinite(away) & (sigma <= _DOUBT * np.median(sigma)))
+    point = np.flatnonzero(np.isfinite(away) & (sigma <= _DOUBT * usual_sigma(sigma)))
     vertex, away = near[nearest[point]], away[point]
     own = vertex_normals(mesh)[vertex]
     good = guessed[vertex] & (np.einsum("ij,ij->i", own, normals[point]) > _ALIKE)

@@ -17,7 +17,7 @@ from turnscan.mesh._parts import components, joined_provenance, submesh
 from turnscan.mesh._topology import half_edges
 from turnscan.remedy import Option, Remedy
 from turnscan.surface.fusion import _marching_cubes as _cubes
-from turnscan.surface.fusion._range_surface import RangeSurface
+from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
 
 if TYPE_CHECKING:
     from turnscan.surface.fusion._tsdf_kernels import Space
@@ -30,6 +30,8 @@ _BLOCKS = 400_000_000
 """Blocks of the whole box that are looked up at most (4 bytes each)."""
 _POOL = 2_000_000
 """Blocks near a surface that are held at most (10 kB each)."""
+_EDGES = 0.99
+"""Of the most that a place may be off between profiles: an edge alone takes none out."""
 _BORDER = (0.1, 0.5)
 """Weight of vertices on a border of their range surface, and of those beside it."""
 _RIM = 6
@@ -199,11 +201,12 @@ def _filled(
     volume = np.zeros((kernels.VALUES, blocks, kernels.CELLS), dtype=np.float32)
     volume[kernels.NEAR] = np.inf
     source = np.full(volume.shape[1:], -1, dtype=np.int32)
-    usual = float(np.median(np.concatenate([s.sigma for s in parts]))) or 1.0
+    usual = usual_sigma(np.concatenate([s.sigma for s in parts])) or 1.0
+    between = [s.between(_EDGES * most, slight=True) for s in parts]
     known = [
-        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), s.between(), s.ranks),
+        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks),
          s.normals, _border_weights(s, usual))
-        for s in parts
+        for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip
     believed = kernels.Believed(most, usual)
     for decide in (True, False):
@@ -232,7 +235,7 @@ def _unlimited(sigma: Floats, parts: Sequence[RangeSurface], origins: Longs) -> 
     """The ``sigma`` (v,) of merged vertices where the points of their ``origins`` are known worse
     than `_limited` lets them count: as many times larger."""
     every = np.concatenate([s.sigma for s in parts])
-    most = _MOST_SIGMA * (float(np.median(every)) or 1.0)
+    most = _MOST_SIGMA * (usual_sigma(every) or 1.0)
     times = np.maximum(every / most, 1.0)[np.maximum(origins, 0)]
     return np.asarray(np.where(origins < 0, sigma, sigma * times))
 

@@ -9,20 +9,22 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh
-from turnscan.surface.fusion._range_surface import RangeSurface
+from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
 
 _SIGMAS = 3.0
 """Combined sigma that a merged vertex may lie off a surface that confirms it."""
 _ROUNDED = 0.1
 """Voxels by which a merge rounds its vertices, and carries them on over a border."""
-
-
+_EDGES = 0.99
+"""Of what confirms at most: so far an edge between two profiles may carry a surface off them."""
 _CLOSE = 0.5
 """Voxels from a measured vertex within which a merged one stands on it …"""
 _CHORD = 1.5
 """… usual sigma by which one that stands further away may lie off what was measured …"""
 _VAGUE = 3.0
 """… and that it may have itself."""
+_ON = 0.3
+"""Voxels from every measured vertex beyond which a vertex that is known badly stands beside it."""
 _BESIDE = 2.0
 """Usual sigma that any may lie off every measured surface."""
 
@@ -37,6 +39,8 @@ class Witness(NamedTuple):
     guessed: Bools
     """(v,) True where no measured vertex is near, and the surface may lie elsewhere: between
     profiles, or beyond the end of one."""
+    loose: Bools
+    """(v,) True for others that stand beside a measured vertex and are known badly."""
 
 
 def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float) -> Witness:
@@ -48,13 +52,15 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     surface a vertex lies beyond what is explained, and takes in how far the merge put it beside
     all of them. Guessed is a vertex that lies two usual sigma beside every surface; and, further
     than half a voxel from all points that were measured, one that lies one and a half beside them,
-    what they may do between their profiles included, or that has a sigma of three.
+    what they may do between their profiles included, or that has a sigma of three. Loose is another
+    of such a sigma, of what noise makes, that stands beside its nearest measured point.
     """
     import igl
 
     p = mesh.provenance
     own = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma)
-    usual = float(np.median(np.concatenate([s.sigma for s in surfaces])))
+    every = np.concatenate([s.sigma for s in surfaces])
+    usual, sure = float(np.median(every)), usual_sigma(every)
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
     away, least, doubt, reach = np.full((4, len(mesh.vertices)), np.inf)
     for s in surfaces:
@@ -68,7 +74,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
             X, np.array(s.mesh.vertices), s.mesh.faces.astype(np.int64)
         )
         corners = s.mesh.faces[face]
-        between = s.between()[corners].max(axis=1)
+        between = s.between(_EDGES * most, slight=True)[corners].max(axis=1)
         noise = np.hypot(own[asked], s.sigma[corners].mean(axis=1))
         explained = between + _ROUNDED * voxel
         off = np.sqrt(squared)
@@ -85,8 +91,9 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     # The mean of several lies its sigma beside each of them.
     beside = np.sqrt(np.maximum(least**2 - own**2, 0.0))
     vague = (doubt > _CHORD * usual) | (own > _VAGUE * usual)
-    guessed = vague & (reach > _CLOSE * voxel) | (least > _BESIDE * usual)
-    return Witness(out, np.maximum(np.hypot(own, beside), away), guessed)
+    guessed = vague & (reach > _CLOSE * voxel) | (least > _BESIDE * sure)
+    loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed
+    return Witness(out, np.maximum(np.hypot(own, beside), away), guessed, loose)
 
 
 def _half_way(places: Floats, ends: Floats, ranks: Ints) -> Floats:
