@@ -70,7 +70,8 @@ def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> 
     joined = w.join(scans, reference=None if free else drawing, close=True)
     found = w.find_shapes(joined)
     moved = w.compare(joined, drawing, align="shape" if free else "none")
-    return _told(drawn, found, moved, in_sight(drawn, made, steps))
+    u = volume_sigma(found.mesh, joined.reconstruction.source).total
+    return [*_told(drawn, found, moved, in_sight(drawn, made, steps)), *_solid(drawn, found, u)]
 
 
 @dataclass(frozen=True)
@@ -156,17 +157,15 @@ def _told(
         f"measured points off the drawing: {1e3 * d.mean:+.1f} µm mean, {1e3 * d.rms:.1f} µm rms, "
         f"95 % within {1e3 * d.quantile(0.95):.1f} µm",
         "",
-        *_solid(drawn, found),
     ]
 
 
-def _solid(drawn: Nominal, found: w.FoundShapes) -> list[str]:
-    """What the STEP holds, and its volume against the drawing's and the mesh's."""
+def _solid(drawn: Nominal, found: w.FoundShapes, u: float) -> list[str]:
+    """What the STEP holds, and its volume against the drawing's and the mesh's, known to ``u``."""
     made = found.step
     back = read_step(made.data)
     mesh = "the mesh is open"
     if is_closed(found.mesh):
-        u = volume_sigma(found.mesh).total
         known = found.mesh.measured
         filled = 0.0 if known is None else found.mesh.area_of(~known) / found.mesh.area_of()
         mesh = f"mesh {found.mesh.volume:.0f} ± {u:.0f} mm³, {filled:.0%} of its surface filled"

@@ -140,7 +140,7 @@ class Alone:
         return (
             f"| {self.part} | {self.stands} | {off:+.2%} | {k.total / self.true:.2%} | "
             f"{abs(self.ratio):.2f} | {self.volume - k.added:.0f} ± {k.measured:.0f} | "
-            f"{k.added:+.0f} ± {k.filled:.0f} | {self.filled:.0%} |"
+            f"{k.added:+.0f} ± {k.unmeasured:.0f} | {self.filled:.0%} |"
         )
 
 

@@ -68,12 +68,12 @@ def added_part(mesh: Mesh) -> Added:
     known = measured_vertices(mesh)
     if not known.any():
         return Added(0.0, abs(mesh.volume))
-    normals = _border_normals(mesh, known, real)
+    normals = border_normals(mesh, known, real)
     area, _ = face_vectors(mesh)
     doubt = np.zeros(len(area))
     doubt[~real] = _doubt(mesh, known, normals, area[~real])
     volume = sigma = 0.0
-    for mine, border in _fillings(mesh, known, real):
+    for mine, border in fillings(mesh, known, real):
         from_middle = mesh.triangles[mine] - mesh.vertices[border].mean(axis=0)
         across = np.cross(from_middle[:, 1], from_middle[:, 2])
         volume += float(np.einsum("ij,ij->", from_middle[:, 0], across)) / 6
@@ -101,9 +101,9 @@ def filled_area_sigma(mesh: Mesh, faces: Bools | None = None) -> float:
     area, size = face_vectors(mesh)
     if not known.any():
         return float(size[chosen].sum())
-    normals = _border_normals(mesh, known, real)
+    normals = border_normals(mesh, known, real)
     sigma = 0.0
-    for mine, border in _fillings(mesh, known, real):
+    for mine, border in fillings(mesh, known, real):
         some = float(size[mine[chosen[mine]]].sum())
         if not some:
             continue
@@ -120,7 +120,7 @@ def filled_area_sigma(mesh: Mesh, faces: Bools | None = None) -> float:
     return sigma
 
 
-def _fillings(mesh: Mesh, known: Bools, real: Bools) -> Iterator[tuple[Ints, Ints]]:
+def fillings(mesh: Mesh, known: Bools, real: Bools) -> Iterator[tuple[Ints, Ints]]:
     """The faces of each patch that was not measured, and the measured vertices of its border."""
     faces = np.flatnonzero(~real).astype(np.int32)
     patch = components(submesh(mesh, ~real))
@@ -155,7 +155,7 @@ def _sample(mesh: Mesh, real: Bools, border: Ints) -> float:
     return float(np.median(height))
 
 
-def _border_normals(mesh: Mesh, known: Bools, real: Bools) -> Floats:
+def border_normals(mesh: Mesh, known: Bools, real: Bools) -> Floats:
     """(v, 3) unit normals of what was measured; at its borders those of its own side of an edge.
 
     A mean over rings of neighbours is steady against noise, and leans half way to the next face

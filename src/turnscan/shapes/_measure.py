@@ -264,9 +264,9 @@ def volume(mesh: Mesh, source: Source | None = None) -> Measured:
     each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
     known = volume_sigma(mesh, source)
     text = "within the surface" + _unmeasured(mesh, np.ones(len(t), dtype=np.bool_), each)
-    if known.added or known.filled:
+    if known.added or known.unmeasured:
         text += f"; {mesh.volume - known.added:.0f} ± {known.measured:.3g} mm³ of it measured, "
-        text += f"{known.added:.0f} ± {known.filled:.3g} filled"
+        text += f"{known.added:.0f} ± {known.unmeasured:.3g} filled"
     if not np.isnan(known.total):
         text += f"; the uncertainty is mostly {known.mostly}"
     return Measured(mesh.volume, "mm³", known.total, _middle(t), text)

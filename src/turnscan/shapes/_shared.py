@@ -49,13 +49,18 @@ class Source:
     """In place of ``grids`` and ``rig`` where several poses were joined."""
 
     @property
-    def views(self) -> list[View]:
-        """All grids whose rig is known, where it has a covariance or its light is thick."""
+    def every_view(self) -> list[View]:
+        """All grids whose rig is known."""
         rig = self.rig
         alone = [] if rig is None else [View(g, rig, g.laser) for g in self.grids]
+        return list(self.placed or alone)
+
+    @property
+    def views(self) -> list[View]:
+        """Those whose rig has a covariance, or whose light is thick."""
         return [
             v
-            for v in (self.placed or alone)
+            for v in self.every_view
             if v.rig.covariance is not None or v.grid.light_doubt is not None
         ]
 

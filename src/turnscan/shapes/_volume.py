@@ -14,6 +14,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.mesh import Mesh, opposite_half_edges
 from turnscan.shapes._added import added_part
+from turnscan.shapes._hollow import hollow_sigma
 from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
 
 _WIDEST = 0.95
@@ -38,6 +39,9 @@ class VolumeSigma:
     alike: float = 0.0
     """By what points at edges, creases and between profiles may have in common."""
 
+    hollow: float = 0.0
+    """By bores and pockets that fillings may cover (`hollow_sigma`): it can only be too large."""
+
     added: float = 0.0
     """mm³ that the fillings hold beyond straight fans over their borders; part of the volume."""
 
@@ -48,9 +52,14 @@ class VolumeSigma:
         return float(np.sqrt(sum(part**2 for part in own)))
 
     @property
+    def unmeasured(self) -> float:
+        """Of what was filled, and of what may lie behind it."""
+        return float(np.hypot(self.filled, self.hollow))
+
+    @property
     def total(self) -> float:
         """All together; NaN where the noise is not known."""
-        return float(np.hypot(self.measured, self.filled))
+        return float(np.hypot(self.measured, self.unmeasured))
 
     @property
     def mostly(self) -> str:
@@ -60,6 +69,7 @@ class VolumeSigma:
             "the curvature between the points": self.between,
             "the edges": self.alike,
             "the filled faces": self.filled,
+            "what fillings may cover": self.hollow,
             "the interpolation between the profiles": self.profiles,
             "the calibration": self.shared,
         }
@@ -79,6 +89,8 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
       the integral of its mean curvature (Steiner), sharp edges included. Ridges and valleys make up
       for each other.
     - filled: what the fillings may be wrong by (`added_part`).
+    - hollow: what bores and pockets behind them may take from it, where the ``source`` tells what
+      was in sight (`hollow_sigma`).
     - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
     - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of
       the rig's covariance (`calibration_moves`) and those of the source; they do not average out.
@@ -90,7 +102,8 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
     more = added_part(mesh)
     noise, alike = _noise(mesh, shares)
     bulge = abs(_bulge(mesh))
-    return VolumeSigma(noise, bulge, more.sigma, between, common, alike, more.volume)
+    hollow = hollow_sigma(mesh, known.every_view)
+    return VolumeSigma(noise, bulge, more.sigma, between, common, alike, hollow, more.volume)
 
 
 def volume_figures(volume: float, known: VolumeSigma) -> dict[str, float | None]:
@@ -103,7 +116,7 @@ def volume_figures(volume: float, known: VolumeSigma) -> dict[str, float | None]
         "volume_measured_mm3": volume - known.added,
         "volume_measured_sigma_mm3": known.measured,
         "volume_added_mm3": known.added,
-        "volume_added_sigma_mm3": known.filled,
+        "volume_added_sigma_mm3": known.unmeasured,
     }
     return {k: v if np.isfinite(v) else None for k, v in figures.items()}
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from turnscan.arrays import Floats
 from turnscan.drawings import with_sigma
 from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding
@@ -71,14 +73,28 @@ class FoundShapes:
     """Where the part comes from; stands in a STEP file."""
     edges: tuple[Edge, ...] = ()
     """Where neighbouring shapes meet."""
-    forms: tuple[FormError, ...] = ()
-    """How flat or round the shapes are, how parallel or square to each other, and their run-out."""
-    walls: Walls | None = None
-    """How thick the material is, where both of its sides were measured."""
-    swept: tuple[Swept, ...] = ()
-    """Freeform pieces with one profile all along: surfaces of revolution, and extrusions."""
+    moves: Sequence[Floats] = ()
+    """(v, 3) mm each: how the mesh moves with one standard deviation of each common cause."""
     with_edges: bool = False
     """Whether the mesh that is saved has the true edges."""
+
+    # A solid needs none of the following, and each costs about as much as finding the shapes.
+    @cached_property
+    def forms(self) -> tuple[FormError, ...]:
+        """How flat or round the shapes are, how parallel or square to each other, and their
+        run-out."""
+        every = form_errors(self.mesh, self.found), orientation_errors(self.mesh, self.found)
+        return tuple(chain(*every))
+
+    @cached_property
+    def walls(self) -> Walls | None:
+        """How thick the material is, where both of its sides were measured."""
+        return wall_thickness(self.mesh, self.moves)
+
+    @cached_property
+    def swept(self) -> tuple[Swept, ...]:
+        """Freeform pieces with one profile all along: surfaces of revolution, and extrusions."""
+        return find_swept(self.mesh, self.found, self.moves)
 
     def figures(self) -> dict[str, Any]:
         """Shapes, relations and sizes, unrounded, by name with the unit at its end."""
@@ -240,9 +256,7 @@ def find_shapes(
         loaded.findings,
         loaded.about,
         find_edges(loaded.mesh, found),
-        (*form_errors(loaded.mesh, found), *orientation_errors(loaded.mesh, found)),
-        wall_thickness(loaded.mesh, moves),
-        find_swept(loaded.mesh, found, moves),
+        moves,
         wanted.edges,
     )
 
