@@ -19,7 +19,6 @@ from turnscan.shapes.primitives._regions import (
     Region,
     bent,
     cells,
-    centred,
     close,
     grow_regions,
     merged,
@@ -177,7 +176,7 @@ class _Fit:
         if len(self.used) > _MOST_POINTS:
             self.used = self.used[:: len(self.used) // _MOST_POINTS + 1]
         q, _ = refit(g, r.kind, r.q, self.used, _MOST_POINTS, _STEPS)
-        self.q = centred(r.kind, q, g.vertices[self.used])
+        self.q = surface.slid(r.kind, q, g.vertices, self.used)
         if r.kind == PLANE and r.side < 0:
             self.q[3:6] *= -1
             r.side = 1.0

@@ -68,10 +68,10 @@ _ROUNDS, _GROWTH = 24, 4
 has not been looked at far and wide by then."""
 _SETTLING = 3
 """Rounds of growth at the end, with fits to more points."""
-_HOPELESS = (0.30, 0.38)
-"""Excess beyond which a region that grows is given up: its surface is that through its points; and
-the same where neighbours are off together, all of whose noise counts as excess: one standard
-deviation of it is a third."""
+_HOPELESS = (0.26, 0.38)
+"""Excess beyond which a region that grows is given up: its surface is that through its points, and
+`_GROWING` of them tell the excess to 0.02; and the same where neighbours are off together, all of
+whose noise counts as excess: one standard deviation of it is a third."""
 _STEPS = 6
 """Of a fit while a region grows."""
 _MISFIT = 2.0
@@ -314,7 +314,7 @@ class _Search:
     def _begun(self, kind: int, guess: Floats, member: Index) -> Floats | None:
         """The surface of one kind through members, from a guess, where it fits them."""
         g = self.ground
-        some = _thinned(member, _FIT)
+        some = surface.some_of(member, _FIT)
         q, cost = surface.fitted(
             kind, guess, g.vertices, g.scale, some, FREE[kind], 6.0, 4 * g.size, 2 * _STEPS
         )
@@ -329,7 +329,7 @@ class _Search:
         A patch may be too small to tell the radius of a cylinder by, and a cone finds its way.
         """
         g = self.ground
-        some = _thinned(best.member, _GUESS)
+        some = surface.some_of(best.member, _GUESS)
         guesses = first_guesses(g.vertices[some], g.normals[some])
         for kind, guess in sorted(guesses, key=lambda o: _SIMPLEST.index(o[0])):
             if _SIMPLEST.index(kind) >= best.rank():
@@ -379,12 +379,14 @@ class _Search:
                 return q, none
             enough = len(grown) <= 1.01 * len(member) and turn > 1
             member = grown
-            q, cost = refit(g, kind, q, member, _GROWING)
+            some = surface.some_of(member, _GROWING)
+            q, cost, misfit = surface.refitted(
+                kind, q, g.vertices, g.scale, g.limit, g.off, some, 4 * g.size, _STEPS
+            )
             if not np.isfinite(cost):
                 return q, none
             if enough:
                 break
-            misfit = excess(g, kind, q, member, _GROWING)
             if len(member) > len(ball) and misfit > _HOPELESS[_together_on(g, kind) > 1.0]:
                 self.reached = min(self.reached, len(member))
                 return q, none
@@ -393,7 +395,7 @@ class _Search:
 
 def _span(g: Ground, kind: int, q: Floats, member: Index) -> float:
     """Radians between normals of the surface over a region."""
-    return spanned(surface.distances(kind, q, g.vertices[_thinned(member, 500)])[1])
+    return spanned(surface.distances(kind, q, g.vertices[surface.some_of(member, 500)])[1])
 
 
 def spanned(normals: Floats) -> float:
@@ -423,12 +425,14 @@ def _joined(g: Ground, a: Region, b: Region) -> Region | None:
     """One region of both, where one surface says both as well as two."""
     if a.kind != b.kind or a.side != b.side:
         return None
-    some = _thinned(b.member, 200)
+    some = surface.some_of(b.member, 200)
     d = np.abs(surface.distances(a.kind, a.q, g.vertices[some])[0]) / g.limit[some]
     if float(np.median(d)) > 5.0:
         return None
     member = np.concatenate([a.member, b.member])
-    even = np.concatenate([_thinned(a.member, _FIT // 2), _thinned(b.member, _FIT // 2)])
+    even = np.concatenate(
+        [surface.some_of(a.member, _FIT // 2), surface.some_of(b.member, _FIT // 2)]
+    )
     q, cost = refit(g, a.kind, a.q, even)
     if not np.isfinite(cost) or _side(g, a.kind, q, b.member) != b.side:
         return None
@@ -438,39 +442,21 @@ def _joined(g: Ground, a: Region, b: Region) -> Region | None:
 
 
 def _side(g: Ground, kind: int, q: Floats, member: Index) -> float:
-    some = _thinned(member, 200)
+    some = surface.some_of(member, 200)
     n = surface.distances(kind, q, g.vertices[some])[1]
     return 1.0 if float(np.einsum("ij,ij->", n, g.normals[some])) >= 0 else -1.0
-
-
-def _thinned(member: Index, most: int) -> Index:
-    """Some of the members, the same each time."""
-    if len(member) <= most:
-        return member
-    return member[np.linspace(0, len(member) - 1, most).astype(np.int64)]
 
 
 def refit(
     g: Ground, kind: int, q: Floats, member: Index, most: int = _FIT, steps: int = _STEPS
 ) -> tuple[Floats, float]:
     """The surface through members again, and its cost per point."""
-    some = _thinned(member, most)
-    q = centred(kind, q, g.vertices[some])
-    q, cost = surface.fitted(kind, q, g.vertices, g.scale, some, FREE[kind], 4.0, 4 * g.size, steps)
+    some = surface.some_of(member, most)
+    q = surface.slid(kind, q, g.vertices, some)
+    q, cost = surface.fitted(
+        kind, q, g.vertices, g.scale, some, FREE[kind], surface.BOUND, 4 * g.size, steps
+    )
     return q, cost / len(some)
-
-
-def centred(kind: int, q: Floats, points: Floats) -> Floats:
-    """The same surface with its point p beside the middle of the points, where p may slide."""
-    out = q.copy()
-    t = float((points.mean(axis=0) - q[:3]) @ q[3:6])
-    if kind == PLANE:
-        out[:3] = points.mean(axis=0) - t * q[3:6]
-    elif kind in (surface.CYLINDER, surface.CONE):
-        out[:3] = q[:3] + t * q[3:6]
-        if kind == surface.CONE:
-            out[6] = q[6] + t * np.tan(q[7])
-    return out
 
 
 def cells(g: Ground, member: Index, together: float = 1.0) -> Index:
@@ -534,7 +520,7 @@ def excess(
     The noise is what each stands off its neighbours by, half of them less and half of them more;
     where so many are off ``together``, what each stands off the mean of its cell by.
     """
-    some = _thinned(member, most)
+    some = surface.some_of(member, most)
     d = surface.distances(kind, q, g.vertices[some])[0] / g.limit[some]
     noise = 1.4826 * float(np.median(np.abs(g.off[some] / g.limit[some])))
     if together > 1.0:

@@ -31,6 +31,8 @@ FREE = np.array(
     dtype=np.bool_,
 )
 """(kinds, 7) which local parameters a kind has."""
+BOUND = 4.0
+"""Standard deviations beyond which a point of a region is not fitted."""
 _TINY = 1e-12
 
 
@@ -270,6 +272,67 @@ def fitted(
     if not _sound(kind, q, reach):
         return q, np.inf
     return q, cost
+
+
+@njit(cache=True, nogil=True)
+def some_of(member: Longs, most: int) -> Longs:
+    """At most so many members, evenly spread and the same each time."""
+    if len(member) <= most:
+        return member
+    out = np.empty(most, dtype=np.int64)
+    step = (len(member) - 1) / (most - 1)
+    for i in range(most):
+        out[i] = member[min(int(i * step), len(member) - 1)]
+    out[most - 1] = member[len(member) - 1]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def slid(kind: int, q: Floats, points: Floats, index: Longs) -> Floats:
+    """The same surface with its point p beside the middle of some points, where p may slide."""
+    out = q.copy()
+    middle = np.zeros(3)
+    for i in index:
+        for k in range(3):
+            middle[k] += points[i, k]
+    middle /= max(len(index), 1)
+    t = 0.0
+    for k in range(3):
+        t += (middle[k] - q[k]) * q[3 + k]
+    if kind == PLANE:
+        for k in range(3):
+            out[k] = middle[k] - t * q[3 + k]
+    elif kind in (CYLINDER, CONE):
+        for k in range(3):
+            out[k] = q[k] + t * q[3 + k]
+        if kind == CONE:
+            out[6] = q[6] + t * np.tan(q[7])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def refitted(
+    kind: int, q: Floats, points: Floats, scale: Floats, limit: Floats, off: Floats,
+    index: Longs, reach: float, rounds: int,
+) -> tuple[Floats, float, float]:  # fmt: skip
+    """`fitted` through points of an index, the cost per point, and the misfit beyond their noise.
+
+    The last is root mean square, each over its own ``limit`` (n,) mm; the noise is what each stands
+    ``off`` (n,) mm its neighbours by, half of them less and half of them more.
+    """
+    begun = slid(kind, q, points, index)
+    q, cost = fitted(kind, begun, points, scale, index, FREE[kind], BOUND, reach, rounds)
+    share = np.empty(len(index))
+    c, s = lean(kind, q)
+    total = 0.0
+    for n in range(len(index)):
+        i = index[n]
+        d = at(kind, q, c, s, points[i, 0], points[i, 1], points[i, 2])[0] / limit[i]
+        total += d * d
+        share[n] = abs(off[i] / limit[i])
+    noise = 1.4826 * np.median(share)
+    many = max(len(index), 1)
+    return q, cost / many, np.sqrt(max(total / many - noise * noise, 0.0))
 
 
 @njit(cache=True, nogil=True)
