@@ -22,7 +22,7 @@ def test_a_fit_while_growing_knows_the_misfit_that_a_region_is_judged_by() -> No
     ground = regions.prepared(noisy(turned([(20, 0), (26, 30)], 0.7, 150), 0.02, 1), None, None)
     member = np.arange(len(ground.vertices), dtype=np.int64)
     some = surface.some_of(member, 400)
-    q = np.array([0, 0, 30.0, 0, 0, 1, 23.0, 0, 0, 0])
+    q = np.array([0, 0, 15.0, 0, 0, 1, 23.0, np.arctan(0.2) + 1e-3, 0, 0])
     for kind, alike in ((surface.CYLINDER, False), (surface.CONE, True)):
         fit, cost, misfit = surface.refitted(
             kind, q, ground.vertices, ground.scale, ground.limit, ground.off, some,

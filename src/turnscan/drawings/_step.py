@@ -145,9 +145,7 @@ def faults_in_file(solid: Solid) -> tuple[int, ...]:
         return ()
     whole = BRepCheck_Analyzer(shape)
     return tuple(
-        k
-        for k, f in enumerate(faces)
-        if not (whole.IsValid(f) and BRepCheck_Analyzer(f).IsValid())
+        k for k, f in enumerate(faces) if not (whole.IsValid(f) and BRepCheck_Analyzer(f).IsValid())
     )
 
 
