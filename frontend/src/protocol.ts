@@ -340,10 +340,12 @@ export interface EmptyBin {
 
 /** POST ``/api/scans/{scan}/exports``. */
 export interface ExportRequest {
-  format: "dxf" | "stl" | "ply" | "obj" | "3mf" | "glb" | "xyz";
+  format: "dxf" | "stl" | "ply" | "obj" | "3mf" | "glb" | "xyz" | "step";
   dxf_forms?: ("3dface" | "polyface" | "mesh" | "profiles")[];
   dxf_version?: "R12" | "R2010" | null;
   ascii?: boolean;
+  /** Also the colours of an OBJ as a texture: then the download is a zip of three files. */
+  obj_texture?: boolean;
 }
 
 /** A feature of a reference, and how what was measured of it lies to it, mm. */

@@ -206,7 +206,7 @@ def test_bad_options_are_one_named_error(scan_path, tmp_path):
     kept = [rig]
     a = tmp_path / "a.ply"
     refused(InputError, "no such scan file", tmp_path / "none.turnscan", "-o", a)
-    refused(InputError, "'.step' are not known", scan_path, "-o", tmp_path / "a.step")
+    refused(InputError, "'.iges' are not known", scan_path, "-o", tmp_path / "a.iges")
     refused(ExportError, "no folder", scan_path, "-o", tmp_path / "no" / "a.ply")
     refused(InputError, "pictures of 320 × 240", scan_path, "-o", a, "--rig", rig)
     refused(InputError, "no height", scan_path, "-o", a, "--z-min", 9, "--z-max", 3)

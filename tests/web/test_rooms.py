@@ -23,6 +23,7 @@ from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._step_pictures import StepPictures
+from turnscan.drawings import read_step
 from turnscan.edit import Action, Change, Document
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh, write_ply
@@ -585,6 +586,10 @@ def test_an_export_is_a_job_and_reads_back(server: Running) -> None:
         assert 'filename="ball.dxf"' in file.headers["content-disposition"]
         mesh = read_mesh(file.content, ".dxf")
         assert len(mesh.faces) == state["figures"]["faces"]
+        started = http.post(f"/api/scans/{scan}/exports", json={"format": "step"}).json()["job"]
+        done = one.once("job", lambda m: m["job"] == started and m["state"] == "done")
+        solid = http.get(f"/api/downloads/{done['download']}").content
+        assert "sphere" in [shape.kind for shape in read_step(solid, 0.1).shapes]
         assert http.post(f"/api/scans/{scan}/exports", json={"format": "exe"}).status_code == 400
 
 

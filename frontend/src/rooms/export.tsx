@@ -20,6 +20,7 @@ const FORMATS: readonly (readonly [Format, string, string])[] = [
   ["3mf", "3MF", "for printing, with its unit"],
   ["glb", "GLB", "for web, phones, museums"],
   ["xyz", "XYZ", "the measured points alone"],
+  ["step", "STEP", "a solid of its shapes, for CAD"],
 ];
 const FORMS: readonly (readonly [Form, string])[] = [
   ["3dface", "3DFACE, one for each triangle"],
@@ -33,6 +34,7 @@ const format = signal<Format>("dxf");
 const forms = signal<readonly Form[]>(["3dface"]);
 const version = signal<"auto" | "R12" | "R2010">("auto");
 const ascii = signal(false);
+const objTexture = signal(false);
 /** Exports started in this page, the newest first. */
 const started = signal<readonly { job: string; name: string; at: Date }[]>([]);
 /** Finished ones stay here when their job is forgotten. */
@@ -49,7 +51,11 @@ export function startExport(): void {
   });
 }
 
+/** Whether the colours are written as a texture beside the mesh, all in a zip. */
+const zipped = () => format.value === "obj" && objTexture.value && opened.value?.textured === true;
+
 function request(): ExportRequest {
+  if (zipped()) return { format: "obj", obj_texture: true };
   if (format.value !== "dxf") return { format: format.value, ascii: BINARY.includes(format.value) && ascii.value };
   return { format: "dxf", dxf_forms: [...forms.value], dxf_version: version.value === "auto" ? null : version.value };
 }
@@ -63,7 +69,7 @@ function newName(part: string, suffix: string): string {
 }
 
 async function start(): Promise<void> {
-  const name = newName(opened.value?.name ?? "part", format.value);
+  const name = newName(opened.value?.name ?? "part", zipped() ? "zip" : format.value);
   try {
     const scan = place.value.scan ?? "";
     const ask = () =>
@@ -118,6 +124,16 @@ function Options() {
       </Section>
     );
   }
+  if (format.value === "obj" && opened.value?.textured)
+    return (
+      <Section title="OBJ">
+        <Check
+          label="Colours also as a texture (zip with MTL and PNG)"
+          checked={objTexture.value}
+          onChange={(on) => (objTexture.value = on)}
+        />
+      </Section>
+    );
   if (!BINARY.includes(format.value)) return null;
   return (
     <Section title={format.value.toUpperCase()}>

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import io
+import tempfile
+import zipfile
+from pathlib import Path
+
 from turnscan.app import _requests as q
 from turnscan.app._downloads import Downloads
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._open_scan import OpenScan
 from turnscan.errors import InputError
-from turnscan.workflows import ExportOptions, audited
+from turnscan.workflows import ExportOptions, check_step
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, request: q.ExportRequest) -> Job:
-    """Begin to write a document as a file. Raises InputError where it is impossible."""
+    """Begin to write a document as a file, or as a zip where the format takes several.
+
+    Raises InputError where it is impossible.
+    """
     if not request.dxf_forms:
         raise InputError("dxf_forms: none chosen", hint="choose one or more")
     version = request.dxf_version or ("R2010" if "mesh" in request.dxf_forms else "R12")
@@ -19,22 +27,33 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, request: q.Expo
         dxf_forms=tuple(dict.fromkeys(request.dxf_forms)),
         dxf_version=version,
         ascii=request.ascii,
+        texture=request.obj_texture,
     )
-    suffix, state = f".{request.format}", scan.now
+    name, state = f"{scan.path.stem}.{request.format}", scan.now
+    check_step([Path(name)])
 
     def work(job: Job) -> Result:
-        result = scan.result(state, job.progress)
-        mesh = result.mesh
-        job.steps(2)
-        job.at(0)
-        if not len(mesh.faces):
+        result = scan.result(state, job.progress.subrange(0.0, 0.5))
+        if not len(result.mesh.faces):
             raise InputError("no surface to export", hint="undo, or open another scan")
-        formats, lines = result.content(options)
-        job.tick()
-        data, found = audited(mesh, suffix, formats, lines, scan.path.stem + suffix)
-        job.tick()
-        name = downloads.add(data, scan.path.stem + suffix)
+        with tempfile.TemporaryDirectory(prefix="turnscan-") as folder:
+            path = Path(folder) / name
+            found = result.save(path, options=options, progress=job.progress.subrange(0.5, 1.0))
+            parts = sorted(Path(folder).iterdir())
+            given = path if parts == [path] else path.with_suffix(".zip")
+            data = path.read_bytes() if given == path else _zipped(parts)
+        job.check()
         size = f"{len(data) / 1e6:.2f} MB, read back the same"
-        return Result(f"{scan.path.stem}{suffix}: {size}", name, [*result.findings, *found])
+        download = downloads.add(data, given.name)
+        return Result(f"{given.name}: {size}", download, [*result.findings, *found])
 
-    return jobs.start("export", f"Exporting {scan.path.stem}{suffix}", work, scan.name)
+    return jobs.start("export", f"Exporting {name}", work, scan.name)
+
+
+def _zipped(files: list[Path]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in files:
+            # Without the date: the same surface gives the same bytes.
+            archive.writestr(zipfile.ZipInfo(file.name), file.read_bytes(), zipfile.ZIP_DEFLATED)
+    return out.getvalue()

@@ -281,7 +281,7 @@ def _join(given: Given) -> Outcome:
 
 
 def _export(given: Given) -> Outcome:
-    w.check_exports(given.outputs["outputs"], given.paths("source"))
+    w.check_targets(given.outputs["outputs"], given.paths("source"))
     done = w.export(
         given.path("source"), *given.outputs["outputs"],
         formats=given.of(w.FormatOptions).export_options,

@@ -37,7 +37,7 @@ def verb(
     Each is chosen by its suffix: .dxf .stl .ply .obj .3mf .glb .xyz .step. A scan is reconstructed
     with its own settings. STEP holds the solid that the part's shapes close to, else its triangles.
     """
-    workflows.check_exports(outputs, [source])
+    workflows.check_targets(outputs, [source])
     with progress_bar() as progress:
         done = workflows.export(
             source, *outputs, formats=formats, decimate=options.decimate, progress=progress

@@ -25,7 +25,7 @@ _path = click.Path(path_type=Path)
     type=_path,
     multiple=True,
     required=True,
-    help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz.",
+    help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz .step.",
 )
 @click.option(
     "--points",

@@ -31,7 +31,7 @@ _path = click.Path(path_type=Path)
     type=_path,
     multiple=True,
     required=True,
-    help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz.",
+    help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz .step.",
 )
 @click.option(
     "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in the scan]"

@@ -98,7 +98,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._revolve import RevolvedPart, revolve
     from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
-    from turnscan.workflows._saving import audited, save
+    from turnscan.workflows._saving import save
     from turnscan.workflows._scan import (
         PlannedScan,
         ScanLeft,
@@ -139,7 +139,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._simulate_options import SimulateOptions
     from turnscan.workflows._stoppable import StoppableDevices, live_pictures, stoppable_devices
     from turnscan.workflows._stripes import ScanStripes
-    from turnscan.workflows._targets import check_exports, check_targets
+    from turnscan.workflows._targets import check_targets
     from turnscan.workflows._types import (
         LONGEST_PAUSE,
         MOST_PICTURES,
@@ -235,7 +235,7 @@ _MODULES = {
     "_refine_options": ("RefineOptions",),
     "_report": ("ReportTable", "about"),
     "_result": ("ReconstructResult",),
-    "_saving": ("ExportOptions", "audited", "save"),
+    "_saving": ("ExportOptions", "save"),
     "_scan": (
         "PlannedScan",
         "ScanLeft",
@@ -289,7 +289,7 @@ _MODULES = {
     "_simulate": ("SimulatedScan", "simulate"),
     "_simulate_options": ("SimulateOptions",),
     "_stripes": ("ScanStripes",),
-    "_targets": ("check_exports", "check_targets"),
+    "_targets": ("check_targets",),
     "_types": (
         "KnownRig",
         "SurfaceFigures",
@@ -432,13 +432,11 @@ __all__ = [
     "about",
     "acknowledge",
     "artefact",
-    "audited",
     "batch",
     "calibrate",
     "capture",
     "check",
     "check_apart",
-    "check_exports",
     "check_output",
     "check_step",
     "check_targets",

@@ -24,6 +24,7 @@ from turnscan.workflows._import_options import (
 )
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name
 from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._shapes_step import check_step
 from turnscan.workflows._units import UNITS
 
 Options = TypeVar("Options", bound=Checked)
@@ -186,8 +187,10 @@ class _Reader:
             raise self._wrong(f'output.formats {given!r} is not a list like ["dxf", "stl"]')
         names = tuple(dict.fromkeys(one.lower().removeprefix(".") for one in given))
         for name in names:
+            file = Path(f"part.{name}")
             try:
-                exporter_for(f".{name}")
+                if not check_step([file]):
+                    exporter_for(file.suffix)
             except InputError as e:
                 raise self._wrong(f"output.formats: {e.problem}", str(e.hint)) from None
         return names

@@ -11,14 +11,12 @@ from turnscan.findings import Finding
 from turnscan.formats import ExportOptions
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
-from turnscan.shapes.primitives import find_shapes
 from turnscan.surface import decimation as thinning
 from turnscan.surface.clean import settled
-from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._reconstruct_options import decimation
 from turnscan.workflows._saving import save
-from turnscan.workflows._shapes_step import check_step, is_step, step_of
+from turnscan.workflows._shapes_step import check_step
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +76,8 @@ def export(
     chosen = formats or ExportOptions()
     if "profiles" in chosen.dxf_forms:
         raise InputError("a mesh file holds no profiles", hint="reconstruct the scan with them")
-    steps = [path for path in map(Path, paths) if is_step(path)]
-    most = 0.3 if check_step(steps) else 0.7
+    files = list(map(Path, paths))
+    most = 0.3 if check_step(files) else 0.7
     loaded = load(source, progress=progress.subrange(0, most))
     mesh, findings = loaded.mesh, list(loaded.findings)
     if decimate is not None:
@@ -89,14 +87,6 @@ def export(
         findings += thinning.decimation_findings(dense, mesh, fewer.faces)
     mesh = settled(mesh)
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
-    solid = None
-    if steps:
-        told = progress.subrange(most + 0.3, 1)
-        solid = step_of(mesh, find_shapes(mesh), loaded.name, about, told)
-    rest = [path for path in map(Path, paths) if not is_step(path)]
-    remarks = save(dict.fromkeys(rest, mesh), replace(chosen, about=about))
-    if solid is not None:
-        remarks += solid.findings
-        for path in steps:
-            write_atomically(path, solid.data)
+    told = progress.subrange(most + 0.3, 1)
+    remarks = save(dict.fromkeys(files, mesh), replace(chosen, about=about), progress=told)
     return Exported(mesh, tuple(findings), tuple(remarks))

@@ -20,6 +20,7 @@ from turnscan.mesh import Mesh
 from turnscan.picture import card, image
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, cloud, profiles
+from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.surface.holes import Hole
 from turnscan.workflows._reconstruct_options import ReconstructOptions
@@ -171,7 +172,10 @@ class ReconstructResult:
         return sections_of(self.mesh, cuts, tolerance, title, {**self.about, **self.volume()})
 
     def save(
-        self, *paths: str | PathLike[str], options: ExportOptions | None = None
+        self,
+        *paths: str | PathLike[str],
+        options: ExportOptions | None = None,
+        progress: Progress = no_progress,
     ) -> list[Finding]:
         """Write the surface to files, whose suffixes name the formats.
 
@@ -180,9 +184,12 @@ class ReconstructResult:
         Parameters
         ----------
         paths
-            Files to write: .dxf .stl .ply .obj .3mf .glb .xyz.
+            Files to write: .dxf .stl .ply .obj .3mf .glb .xyz, and .step (or .stp): a solid or
+            shell of the part's shapes and of B-splines.
         options
             Choices about the formats; None takes the usual ones.
+        progress
+            Told how far the files are; it may cancel.
 
         Returns
         -------
@@ -192,7 +199,7 @@ class ReconstructResult:
         Raises
         ------
         InputError
-            Where a format is unknown.
+            Where a format is unknown, and for STEP where OpenCASCADE is not installed.
         ExportError
             Where the result has an error among its findings, a file cannot be written, or does not
             read back the same.
@@ -205,7 +212,7 @@ class ReconstructResult:
         if error is not None:
             raise ExportError(f"nothing was written: {error.message}", hint=error.remedy)
         formats, profiles = self.content(options or ExportOptions())
-        return save(dict.fromkeys(map(Path, paths), self.mesh), formats, profiles)
+        return save(dict.fromkeys(map(Path, paths), self.mesh), formats, profiles, progress)
 
     def content(self, options: ExportOptions) -> tuple[ExportOptions, Profiles | None]:
         """What goes into files besides the mesh: provenance, and profiles where they are asked for.

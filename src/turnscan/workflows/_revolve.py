@@ -44,8 +44,8 @@ from turnscan.workflows._loading import Source
 from turnscan.workflows._measured_surface import measured_surface
 from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
 from turnscan.workflows._sections import section_file
-from turnscan.workflows._shapes_step import is_step
 from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
+from turnscan.workflows._units import is_step
 
 _HEIGHTS = 10
 _UPRIGHT = float(np.deg2rad(1.0))

@@ -11,7 +11,9 @@ from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding
 from turnscan.formats import ExportOptions, Profiles, audit, export, texture_files
 from turnscan.mesh import Mesh, PointCloud
+from turnscan.progress import Progress, no_progress
 from turnscan.workflows._files import check_writable, write_atomically
+from turnscan.workflows._units import STEP_SUFFIXES
 
 _NAME = re.compile(r"\S+")
 
@@ -20,17 +22,21 @@ def save(
     results: Mapping[Path, Mesh | PointCloud | Profiles],
     options: ExportOptions | None = None,
     profiles: Profiles | None = None,
+    progress: Progress = no_progress,
 ) -> list[Finding]:
     """Write results to files, each read back and compared first; none unless all are sound.
 
     Parameters
     ----------
     results
-        What to write, by the file, whose suffix names the format.
+        What to write, by the file, whose suffix names the format. A mesh in .step (or .stp) is a
+        solid or shell of the shapes that are found on it and of B-splines.
     options
         Choices about the formats; None takes the usual ones.
     profiles
         Profiles for a DXF that has them beside the mesh.
+    progress
+        Told how far the files are; it may cancel.
 
     Returns
     -------
@@ -40,7 +46,8 @@ def save(
     Raises
     ------
     InputError
-        Where a format is unknown or cannot hold a result.
+        Where a format is unknown or cannot hold a result, and for STEP where OpenCASCADE is not
+        installed.
     ExportError
         Where a file does not read back the same or cannot be written.
 
@@ -52,11 +59,12 @@ def save(
     options = options or ExportOptions()
     ready: dict[Path, bytes] = {}
     remarks: list[Finding] = []
-    for path, what in results.items():
+    for k, (path, what) in enumerate(results.items()):
         check_writable(path)
+        told = progress.subrange(k / len(results), (k + 1) / len(results))
         beside = _textures(path, what, options)
         chosen = replace(options, material=path.stem) if beside else options
-        data, found = audited(what, path.suffix, chosen, profiles, str(path))
+        data, found = _audited(what, path.suffix, chosen, profiles, str(path), told)
         for finding in found:
             where = ", ".join(filter(None, [path.name, finding.where]))
             remarks.append(
@@ -90,21 +98,41 @@ def _textures(
     return files
 
 
-def audited(
+def _audited(
     what: Mesh | PointCloud | Profiles,
     suffix: str,
     options: ExportOptions,
     profiles: Profiles | None = None,
     name: str = "the file",
+    progress: Progress = no_progress,
 ) -> tuple[bytes, list[Finding]]:
     """A result as the bytes of a file, read back and compared, and what the comparison remarks.
 
     Raises InputError for a format that is unknown or cannot hold it, ExportError naming the file
     where it does not read back the same.
     """
+    if suffix.lower() in STEP_SUFFIXES:
+        return _as_step(what, options, name, progress)
     data = export(what, suffix, options=options, profiles=profiles)
     found = audit(data, what, suffix, options=options, profiles=profiles)
     for finding in found:
         if finding.severity == "error":
             raise ExportError(f"{name}: {finding.message}", hint=finding.remedy)
     return data, list(found)
+
+
+def _as_step(
+    what: Mesh | PointCloud | Profiles, options: ExportOptions, name: str, progress: Progress
+) -> tuple[bytes, list[Finding]]:
+    # Both take what only those wait for who want a solid.
+    from turnscan.drawings import check_opencascade
+    from turnscan.shapes.primitives import find_shapes
+    from turnscan.workflows._shapes_step import step_of
+
+    check_opencascade()
+    if not isinstance(what, Mesh) or not len(what.faces):
+        raise InputError(f"{name}: STEP holds a solid or a shell", hint="give a mesh with faces")
+    progress(0.0, "looking for shapes")
+    found = find_shapes(what)
+    file = step_of(what, found, name, options.about, progress.subrange(0.4, 1.0))
+    return file.data, list(file.findings)

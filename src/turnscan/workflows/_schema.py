@@ -33,7 +33,7 @@ FileKind = Literal[
 range scan of another scanner; the .conf file that places such; a rig; a table or list of values
 (CSV, JSON); the file of an artefact."""
 
-MESH_SUFFIXES = (".dxf", ".stl", ".ply", ".obj", ".3mf", ".glb", ".xyz")
+MESH_SUFFIXES = (".dxf", ".stl", ".ply", ".obj", ".3mf", ".glb", ".xyz", ".step")
 """Of the files that a surface is written to."""
 REPORT_SUFFIXES = (".html", ".json")
 _SURFACE: tuple[FileKind, ...] = ("mesh", "scan")
@@ -177,7 +177,12 @@ def _output(file: OutputFile) -> dict[str, Any]:
 _RIG = InputFile("rig", "The rig, in place of the one stored in the scan.", ("rig",),
                  required=False)  # fmt: skip
 _FILES = OutputFile(
-    "outputs", "The surface; each file is read back and compared.", MESH_SUFFIXES, True, (".ply",)
+    "outputs",
+    "The surface; each file is read back and compared. STEP holds the solid "
+    "that the part's shapes close to, else its triangles.",
+    MESH_SUFFIXES,
+    True,
+    (".ply",),
 )
 _REPORT = OutputFile("report", "Report, with pictures or as figures.", REPORT_SUFFIXES)
 _FIGURES = OutputFile("figures", "The figures as JSON, unrounded.", (".json",))
@@ -275,7 +280,7 @@ _ALL = (
             OutputFile(
                 "outputs", "The surface; each file is read back and compared. STEP holds the solid "
                 "that the part's shapes close to, else its triangles.",
-                (*MESH_SUFFIXES, ".step"), True, (".stl",),
+                MESH_SUFFIXES, True, (".stl",),
             ),
         ),
     ),

@@ -44,7 +44,7 @@ from turnscan.workflows._loading import Source
 from turnscan.workflows._measured_surface import measured_surface
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
-from turnscan.workflows._shapes_step import StepFile, iges_of, is_iges, is_step, step_of
+from turnscan.workflows._shapes_step import StepFile, iges_of, step_of
 from turnscan.workflows._shapes_table import (
     Dimension,
     dimensions,
@@ -53,6 +53,7 @@ from turnscan.workflows._shapes_table import (
     walls_in_words,
 )
 from turnscan.workflows._solid_report import solid_blocks
+from turnscan.workflows._units import is_iges, is_step
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -32,7 +32,7 @@ from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_a
 from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
 from turnscan.workflows._shapes_shell import shell_under
 from turnscan.workflows._shapes_table import finite
-from turnscan.workflows._units import IGES_SUFFIXES, STEP_SUFFIXES
+from turnscan.workflows._units import is_iges, is_step
 
 _ALIKE = 0.01
 """Share of the volume that a solid may differ from the mesh by: a mesh cuts its edges."""
@@ -72,16 +72,6 @@ class StepFile:
     def solid(self) -> bool:
         """Whether it holds a solid."""
         return self.made is not None and self.made.closed
-
-
-def is_step(path: Path) -> bool:
-    """Whether a file's name is that of a STEP file."""
-    return path.suffix.lower() in STEP_SUFFIXES
-
-
-def is_iges(path: Path) -> bool:
-    """Whether a file's name is that of an IGES file."""
-    return path.suffix.lower() in IGES_SUFFIXES
 
 
 def check_step(paths: Iterable[Path]) -> bool:

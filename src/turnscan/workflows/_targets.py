@@ -8,28 +8,18 @@ from pathlib import Path
 from turnscan.formats import exporter_for
 from turnscan.workflows._files import check_apart, check_output
 from turnscan.workflows._range_scans import placed_scans
-from turnscan.workflows._shapes_step import check_step, is_step
-
-
-def check_exports(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
-    """The same of what a surface is exported to, where STEP is a format, too.
-
-    Raises, besides, InputError for STEP where OpenCASCADE is not installed.
-    """
-    check_apart(outputs)
-    check_targets([path for path in outputs if not is_step(path)], inputs)
-    for path in filter(is_step, outputs):
-        check_output(path, inputs=inputs)
-    check_step(outputs)
+from turnscan.workflows._shapes_step import check_step
+from turnscan.workflows._units import is_step
 
 
 def check_targets(
     outputs: Sequence[Path], inputs: Sequence[Path], report: Path | None = None, unit: str = "m"
 ) -> None:
-    """Check the names of the files to write, before work is spent.
+    """Check the names of the files to write a surface to, before work is spent.
 
-    Raises InputError for an unknown format, a name given twice, and a file that is read (also one
-    that a .conf file names), ExportError where no file can be written.
+    Raises InputError for an unknown format, a name given twice, a file that is read (also one that
+    a .conf file names), and STEP where OpenCASCADE is not installed; ExportError where no file can
+    be written.
     """
     read = list(inputs)
     for path in inputs:
@@ -37,7 +27,9 @@ def check_targets(
             read += placed_scans(path, unit)
     check_apart(outputs)
     for path in outputs:
-        exporter_for(path.suffix)
+        if not is_step(path):
+            exporter_for(path.suffix)
         check_output(path, inputs=read)
+    check_step(outputs)
     if report is not None:
         check_output(report, (".html", ".json"), read)

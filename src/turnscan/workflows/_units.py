@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """mm in each unit that a file without a unit of its own may be in."""
 SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
@@ -10,3 +12,13 @@ STEP_SUFFIXES = (".step", ".stp")
 IGES_SUFFIXES = (".igs", ".iges")
 DIMENSION_SUFFIXES = (".html", ".pdf", ".json", ".csv")
 """Of reports that hold dimensions: pages with pictures, figures, or a table."""
+
+
+def is_step(path: Path) -> bool:
+    """Whether a file's name is that of a STEP file."""
+    return path.suffix.lower() in STEP_SUFFIXES
+
+
+def is_iges(path: Path) -> bool:
+    """Whether a file's name is that of an IGES file."""
+    return path.suffix.lower() in IGES_SUFFIXES

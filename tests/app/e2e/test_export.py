@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,14 @@ def test_formats_are_written_and_read_back_and_nothing_chosen_is_not(
     ]
     assert [w[1] for w in words if w] == ["-2.glb", ".glb", ".3mf", ".dxf"]
     assert sorted((w[2] for w in words if w), reverse=True) == [w[2] for w in words if w]
+    page.get_by_role("radio", name="OBJ").check()
+    page.get_by_role("checkbox", name="Colours also as a texture").check()
+    page.get_by_role("button", name="Export OBJ").click()
+    with page.expect_download(timeout=60_000) as download:
+        page.get_by_role("link", name=re.compile(r"cup-\d+\.zip")).click(timeout=60_000)
+    with zipfile.ZipFile(download.value.path()) as archive:
+        ends = [name.removeprefix(archive.namelist()[1][:-4]) for name in archive.namelist()]
+    assert ends == ["-texture.png", ".mtl", ".obj"]
     page.get_by_role("radio", name="DXF").check()
     page.get_by_role("checkbox", name="3DFACE").uncheck()
     assert page.get_by_role("button", name="Export DXF").is_disabled()

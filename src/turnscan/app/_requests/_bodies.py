@@ -24,10 +24,12 @@ class Invitation(Model):
 class ExportRequest(Model):
     """POST ``/api/scans/{scan}/exports``."""
 
-    format: Literal["dxf", "stl", "ply", "obj", "3mf", "glb", "xyz"]
+    format: Literal["dxf", "stl", "ply", "obj", "3mf", "glb", "xyz", "step"]
     dxf_forms: tuple[Literal["3dface", "polyface", "mesh", "profiles"], ...] = ("3dface",)
     dxf_version: Literal["R12", "R2010"] | None = None
     ascii: bool = False
+    obj_texture: bool = False
+    """Also the colours of an OBJ as a texture: then the download is a zip of three files."""
 
 
 class StartedExport(Model):
