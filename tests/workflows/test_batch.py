@@ -330,6 +330,7 @@ def test_what_is_done_stays_when_it_is_cancelled(cans: Path, recipe: Path, tmp_p
         ("reconstruct = 3", "reconstruct is not a table"),
         ("[output]\nformats = 'stl'", "output.formats 'stl' is not a list"),
         ("[output]\nformats = ['dwg']", "output.formats: files ending '.dwg' are not known"),
+        ("[output]\nformats = ['igs']", "output.formats: files ending '.igs' are not known"),
         ("[output]\nreport = 1", "output.report 1 is not true or false"),
         ("[compare]\nwithin_mm = 0.1", "compare has no reference"),
         ("[compare]\nreference = 'a.stl'\nwithin_mm = 0", "compare.within_mm 0 is not a length"),

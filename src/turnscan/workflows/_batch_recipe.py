@@ -25,7 +25,7 @@ from turnscan.workflows._import_options import (
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._shapes_step import check_step
-from turnscan.workflows._units import UNITS
+from turnscan.workflows._units import UNITS, is_step
 
 Options = TypeVar("Options", bound=Checked)
 
@@ -189,8 +189,9 @@ class _Reader:
         for name in names:
             file = Path(f"part.{name}")
             try:
-                if not check_step([file]):
+                if not is_step(file):
                     exporter_for(file.suffix)
+                check_step([file])
             except InputError as e:
                 raise self._wrong(f"output.formats: {e.problem}", str(e.hint)) from None
         return names
