@@ -10,7 +10,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.calibrate import Part, Sweep
 from turnscan.mesh import Mesh
-from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_z
+from turnscan.rig import Camera, LaserSheet, Pose, Rig, TableMotion, rotation_z
 
 Body = Callable[[Floats], Floats]
 """Points (n, 3) of the object's frame → (n,) mm outside of it."""
@@ -139,3 +139,17 @@ def doubted(rig: Rig, length: float = 5.0, angle_deg: float = 2.0) -> Rig:
     for axis in "xyz":
         sigma |= {f"table.turn_{axis}": np.radians(angle_deg), f"table.shift_{axis}": length}
     return replace(rig, covariance=np.diag(np.array(list(sigma.values())) ** 2))
+
+
+def ruled(true: Rig, seed: int = 4, known: Rig | None = None) -> Rig:
+    """The rig as a ruler knows it: every number is wrong by its whole uncertainty, 5 mm or 2°."""
+    known = known or doubted(true)
+    assert known.covariance is not None
+    sigma = np.sqrt(np.diag(known.covariance))
+    sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(sigma))
+    return replace(known.perturbed(sigma * sign), covariance=known.covariance)
+
+
+def eccentric(start_deg: float = 0.0, backlash_deg: float = 0.0) -> TableMotion:
+    """A table whose drive is 1° eccentric, with play."""
+    return TableMotion(np.radians([[0.0, 1.0]]), np.radians(start_deg), np.radians(backlash_deg))

@@ -16,7 +16,9 @@ from tests.calibrate.bodies import (
     cylinder,
     doubted,
     drawn,
+    eccentric,
     prism,
+    ruled,
     sphere,
     two_lasers,
 )
@@ -42,10 +44,6 @@ from turnscan.shapes.verification import step_block_body
 
 STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
 QUICK = RefineSettings(queries=1000)
-
-
-def eccentric(start_deg: float = 0.0, backlash_deg: float = 0.0) -> TableMotion:
-    return TableMotion(np.radians([[0.0, 1.0]]), np.radians(start_deg), np.radians(backlash_deg))
 
 
 @cache
@@ -115,15 +113,6 @@ def test_a_good_table_gets_no_errors() -> None:
     assert "motion.sin1" in done.dropped
     # In a scan that goes one way, play between the ways does not show.
     assert "motion.backlash" in done.held
-
-
-def ruled(true: Rig, seed: int = 4, known: Rig | None = None) -> Rig:
-    """The rig as a ruler knows it: every number is wrong by its whole uncertainty, 5 mm or 2°."""
-    known = known or doubted(true)
-    assert known.covariance is not None
-    sigma = np.sqrt(np.diag(known.covariance))
-    sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(sigma))
-    return replace(known.perturbed(sigma * sign), covariance=known.covariance)
 
 
 def test_a_ruler_and_a_sphere_make_a_rig() -> None:

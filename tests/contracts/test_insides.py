@@ -18,7 +18,7 @@ MOST_NAMES = {
     "formats": 18,  # with the texture beside an OBJ
     "mesh": 25,  # with samples of a surface and faces about vertices, which other rooms had
     "points": 40,
-    "poses": 16,
+    "poses": 17,  # with the ways in which a part that is alike from several sides fits
     "rig": 26,
     "scan": 28,
     "scanner": 22,

@@ -18,7 +18,7 @@ from tests.calibrate.world import true_layout, true_rig
 from turnscan.calibrate import angle_model, parse_board
 from turnscan.errors import InputError
 from turnscan.rig import Rig, rig_from_json, rig_to_json
-from turnscan.scan import Scan
+from turnscan.scan import Scan, list_pictures
 from turnscan.scanner import Shot
 from turnscan.workflows import (
     CalibrationPictures,
@@ -31,6 +31,7 @@ from turnscan.workflows import (
     preview_import,
     refine,
 )
+from turnscan.workflows._calibrate_look import look_for_part
 from turnscan.workflows._capture import Album
 from turnscan.workflows._reconstruct import below_stored
 
@@ -257,6 +258,32 @@ def test_pictures_of_another_stage_or_kind_are_refused(
     pictures = CalibrationPictures(stages[camera], {"laser": stages[laser]}, stages[table])
     with pytest.raises(InputError, match=says):
         calibrate(pictures, board, out, markers="DICT_4X4_50:27.5")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_part_on_the_table_is_told_from_an_empty_platter(
+    tmp_path: Path, turning: str, stands: bool
+) -> None:
+    """The line on an empty platter stays where it is, whichever way the table is turned."""
+    pictures, out = turning, tmp_path / "rig.json"
+
+    def empty(k: int, dice: Dice) -> Any:
+        still = 60 * np.exp(-((np.arange(640) - 300) ** 2) / 4)
+        return marker_picture(np.radians(STEP * k)) + still + dice.standard_normal((480, 640))
+
+    if not stands:
+        pictures = folder_of(tmp_path / "empty", empty, 8)
+    pairs = [(path, None) for path in list_pictures(pictures)]
+    if not stands:
+        look_for_part(pairs, "DICT_4X4_50", None, "vertical")
+        return
+    with pytest.raises(InputError, match="a part stands on the table"):
+        look_for_part(pairs, "DICT_4X4_50", None, "vertical")
+    rig = replace(rig_with_markers(), markers=())
+    with pytest.raises(InputError, match="a part stands on the table"):
+        calibrate(CalibrationPictures(table=pictures), None, out, rig=rig,
+                  markers="DICT_4X4_50:27.5")  # fmt: skip
     assert not out.exists()
 
 

@@ -23,9 +23,10 @@ def stripe_light(
     dark: Image | None = None,
     weights: npt.ArrayLike | None = None,
     orientation: Orientation = "vertical",
+    most: int = 5,
 ) -> tuple[Floats, Floats]:
     """All places (n, 2) px in a picture where the stripe could be, and how wide (n,) px rms it is
-    there; up to five in a line.
+    there; the ``most`` brightest in a line.
 
     ``lit`` and ``dark`` are (H, W) or (H, W, 3). Without a laser-off picture the background is the
     median of the neighbourhood along the line, which a narrow stripe does not move: a stripe on a
@@ -42,7 +43,7 @@ def stripe_light(
         )
     signal = _mixed(lit, weights)
     background = _along_lines(signal, orientation) if dark is None else _mixed(dark, weights)
-    settings = StripeSettings(orientation=orientation, max_candidates=5)
+    settings = StripeSettings(orientation=orientation, max_candidates=most)
     found = find_candidates(signal, background, settings)
     line, which = np.nonzero(np.isfinite(found.position))
     across = found.position[line, which]

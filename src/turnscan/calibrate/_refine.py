@@ -17,6 +17,7 @@ from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Part
 from turnscan.calibrate._prior import moved_by
 from turnscan.calibrate._quality import Measured
+from turnscan.calibrate._shape import shape_doubt
 from turnscan.calibrate._shared import with_shared_noise
 from turnscan.calibrate._surfaces import (
     WEAK,
@@ -25,8 +26,8 @@ from turnscan.calibrate._surfaces import (
     gauge_of,
     motion_known,
 )
-from turnscan.calibrate._sweeps import Sweep, doubt_of, thinned
-from turnscan.errors import Degenerate
+from turnscan.calibrate._sweeps import Sweep, doubt_of, thinned, turns_of
+from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Pose, Rig, TableMotion
 
@@ -49,6 +50,11 @@ _NO_FIT, _LEAST_MM = 3.0, 0.01
 """Times the noise, and mm of noise at least: surfaces farther apart have another cause."""
 _TOLD = 0.5
 """Of what was known before: a parameter that stays less certain than this was hardly determined."""
+_WILD = 3.0
+"""Times what is thought possible of a table."""
+_OPEN = 0.2
+"""Of how far the rig bent shapes before: a body that leaves more of it says too little. Bodies that
+stand well leave a hundredth."""
 _MATERIAL = 0.2
 """Of the stripe's noise, rms: less cannot be distinguished from errors that stripes have on tilted
 surfaces."""
@@ -84,6 +90,10 @@ class Refined:
     gap_after: float
     gap_noise: float
     """mm rms that the stripes' own noise makes."""
+    shape_before: float
+    """mm rms by which the rig's uncertainty bends what it measures in the volume of the part, its
+    place and size left aside."""
+    shape_after: float
     places: int
     """Where surfaces met."""
     estimated: dict[str, Measured]
@@ -112,7 +122,9 @@ def refine(
     against first (`turnscan.calibrate._approach`); without one, rigs whose laser sheets are so
     little known are refused, as surfaces of any shape agree then in more than one.
     A part that was laid down again between two turns is seen by one laser as by two; how it lay is
-    estimated with the rest, from about where it is known to be.
+    estimated with the rest, from about where it is known to be. What one laser saw in two turns, or
+    there and back, is held against each other, too: that shows play, but no wave that comes again
+    at the same angle.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
@@ -121,6 +133,8 @@ def refine(
     """
     s = settings or RefineSettings()
     many = tuple(thinned(sweep, rig) for sweep in sweeps)
+    if len({sweep.laser for sweep in many}) == 1:
+        many = tuple(part for sweep in many for part in turns_of(sweep))
     _check_poses(many, s)
     begin = Surfaces(replace(rig, covariance=None, motion=_motion(rig, many)), (), s.poses)
     doubt = doubt_of(rig, many) if s.geometry else 0.0
@@ -130,9 +144,11 @@ def refine(
     network, fit = _settled(rig, state, many, free, s, rough, part)
     before = _gap_before(rig, begin, network, fit.state, s, doubt)
     refuse_strayed(rig, fit.state.rig, "" if s.body is None else s.body[0].name)
+    _refuse_wild(fit.state.motion)
     for body in fit.state.bodies:
         refuse_ends(body, sum(len(sweep.pixels) for sweep in many))
-    fit, free, dropped = _simplest(network, with_shared_noise(network, fit, free), free)
+    shared = with_shared_noise(network, fit, free)
+    fit, free, dropped, unseen = _simplest(network, shared, free)
     last = gap_of(network, fit.state)
     if last[0] > _NO_FIT * max(last[1], _LEAST_MM):
         raise Degenerate(
@@ -140,7 +156,36 @@ def refine(
             f"{last[1]:.3f} mm: no rig near this one explains the scan",
             hint="did the part move, is it the body that was named, and is the rig the right one?",
         )
-    return _told(rig, network, fit, free, dropped, before, last)
+    done = _told(rig, network, fit, free, (dropped, unseen), before, last)
+    if s.body is not None and s.geometry:
+        _refuse_open(done, s.body[0].name)
+    return done
+
+
+def _refuse_wild(motion: TableMotion) -> None:
+    """Raise DidNotConverge for a table that is farther off its angles than any table."""
+    worst = float(np.abs(motion.values).max(initial=0.0))
+    if worst > _WILD * WEAK:
+        raise DidNotConverge(
+            f"the surfaces agree only with a table that is {np.degrees(worst):.0f}° off its angles",
+            hint="is the scan one of this rig, and did the part stay in its place? A scan of a "
+            "second laser, or of the part in another pose, determines more",
+        )
+
+
+def _refuse_open(done: Refined, name: str) -> None:
+    """Raise Degenerate for a body that says next to nothing of the rig where it stands."""
+    enough = max(_OPEN * done.shape_before, _NO_FIT * max(done.gap_noise, _LEAST_MM))
+    if done.shape_after <= enough:
+        return
+    # What turns or lifts the part in its frame shows in no surface, and bends none.
+    names = [n for n in done.held if not n.startswith("motion.")]
+    raise Degenerate(
+        f"the {name} stands so that it says too little: what the rig measures may be bent by "
+        f"{done.shape_after:.2f} mm (rms), {done.shape_before:.2f} mm before; open are "
+        f"{', '.join(names) or 'sums of several parameters'}",
+        hint="scan it again away from the rotation axis, and tilted; or take a ball or ball bar",
+    )
 
 
 def _check_poses(sweeps: Sequence[Sweep], s: RefineSettings) -> None:
@@ -326,6 +371,9 @@ def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings)
     moved = [sweep for sweep in sweeps if sweep.moved]
     if moved:
         free[len(own) : len(own) + len(motion)] = True
+        if len({(sweep.laser, sweep.pose) for sweep in sweeps}) == 1:
+            # It sees each place at the same table angles in every turn.
+            free[len(own) : len(own) + 2 * len(state.motion.harmonics)] = False
         back = any(np.ptp(np.sign(np.diff(np.unwrap(sweep.angles)))) > 0 for sweep in moved)
         free[len(own) + motion.index("motion.backlash")] = back
     free[len(own) + len(motion) :] = True
@@ -334,8 +382,9 @@ def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings)
 
 def _simplest(
     network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools
-) -> tuple[Fit[Surfaces], Bools, tuple[str, ...]]:
-    """The fit without those errors of the table that do not earn their parameters.
+) -> tuple[Fit[Surfaces], Bools, tuple[str, ...], tuple[str, ...]]:
+    """The fit without those errors of the table that do not earn their parameters; their names, and
+    those of which the scans say nothing.
 
     Wald's statistic of a group of k parameters is what they lower χ² by; Bayes' information
     criterion asks for k·ln n. The highest order goes first, as a wheel of order 1 is a commoner
@@ -345,7 +394,7 @@ def _simplest(
     names = fit.state.motion.names
     orders = [(f"motion.cos{m}", f"motion.sin{m}") for m in range(ORDERS, 0, -1)]
     count = sum(len(b.residual) for b in fit.blocks)
-    dropped: list[str] = []
+    dropped, unseen = list[str](), list[str]()
     for group in [("motion.start",), ("motion.backlash",), *orders]:
         index = np.array([p + names.index(n) for n in group if n in names], dtype=np.intp)
         if not len(index) or not free[index].any():
@@ -365,8 +414,11 @@ def _simplest(
             rig = replace(fit.state.rig, motion=TableMotion.of(zero))
             fit = adjusted(network, replace(fit.state, rig=rig), free, fit, told=False)
             fit = with_shared_noise(network, fit, free)
-            dropped += group
-    return fit, free, tuple(dropped)
+            if weak:
+                unseen += group
+            else:
+                dropped += group
+    return fit, free, tuple(dropped), tuple(unseen)
 
 
 def _matters(fit: Fit[Surfaces], index: npt.NDArray[np.intp], values: Floats) -> bool:
@@ -390,12 +442,13 @@ def _told(
     network: SurfaceNetwork,
     fit: Fit[Surfaces],
     free: Bools,
-    dropped: tuple[str, ...],
+    table: tuple[tuple[str, ...], tuple[str, ...]],
     gap_before: float,
     last: tuple[float, float, int],
 ) -> Refined:
     state, p = fit.state, len(before.parameter_names)
     q = len(state.motion.names)
+    dropped, unseen = table
     sigma = np.sqrt(np.diag(fit.covariance))
     moved = np.concatenate(
         [moved_by(replace(before, motion=None), state.rig), state.motion.values,
@@ -419,12 +472,11 @@ def _told(
         ]  # fmt: skip
         if part.size and _along_sight(state.rig, covariance) > _TOLD * _along_sight(before):
             held.append("scale")
-    if (
-        "motion.backlash" in state.motion.names
-        and not free[p + state.motion.names.index("motion.backlash")]
-        and "motion.backlash" not in dropped
-    ):
-        held.append("motion.backlash")
+    if free[p : p + q].any() or dropped or unseen:
+        held += [
+            n for n, f in zip(state.motion.names, free[p : p + q], strict=True)
+            if not f and n not in dropped
+        ]  # fmt: skip
     motion = None
     if free[p : p + q].any() or before.motion is not None:
         told = fit.covariance[p : p + q, p : p + q]
@@ -437,4 +489,8 @@ def _told(
         for n, v, s, f in zip(network.names, moved, sigma, free, strict=True)
         if f and ".place" not in n and not n.startswith("pose")
     }
-    return Refined(rig, gap_before, last[0], last[1], last[2], estimated, tuple(held), dropped, fit)
+    bent = [shape_doubt(r, network.sweeps) for r in (before, rig)]
+    return Refined(
+        rig, gap_before, last[0], last[1], bent[0], bent[1], last[2], estimated, tuple(held),
+        dropped, fit,
+    )  # fmt: skip

@@ -14,6 +14,10 @@ from turnscan.rig import Rig, rotation_z
 NUDGE_PX = 0.25
 """Beside a stripe, to see how its noise moves a point."""
 _MOST_LINES, _SOME = 8, 200
+_WHOLE = 1e-6
+"""rad: a turn that ends where it began is over."""
+_FEWEST_STEPS = 12
+"""Of a turn that counts by itself."""
 _STEEP_PX = 3.0
 """px per scan line: a stripe that goes aside by more ends there, or is seen at a grazing angle."""
 
@@ -109,3 +113,38 @@ def thinned(sweep: Sweep, rig: Rig) -> Sweep:
         sigma=(np.sqrt(sums[2]) / size)[good],
         step=sweep.step[first][good],
     )
+
+
+def turns_of(sweep: Sweep) -> list[Sweep]:
+    """What was seen in each whole turn, and each way, by itself; all of them with all angles, as
+    the table's play depends on how it came there.
+
+    A part of a turn that is left over at the end, with few steps, goes to the turn before it.
+    """
+    told = np.unwrap(sweep.angles)
+    if len(told) < 2:
+        return [sweep]
+    way = np.concatenate([[0.0], np.sign(np.diff(told))])
+    moves = np.flatnonzero(way)
+    if not len(moves):
+        return [sweep]
+    # A step that stands still goes with the one after it.
+    way = way[moves[np.minimum(np.searchsorted(moves, np.arange(len(way))), len(moves) - 1)]]
+    turn = np.zeros(len(told), dtype=np.intp)
+    begin = 0
+    for k in range(1, len(told)):
+        new = way[k] * way[k - 1] < 0 or abs(told[k] - told[begin]) > 2 * np.pi - _WHOLE
+        turn[k] = turn[k - 1] + new
+        begin = k if new else begin
+    few = np.bincount(turn)[-1] < _FEWEST_STEPS
+    if few and turn[-1] > 0:
+        turn[turn == turn[-1]] -= 1
+    out = []
+    for k in range(int(turn[-1]) + 1):
+        mine = turn[sweep.step] == k
+        if mine.any():
+            out.append(
+                replace(sweep, pixels=sweep.pixels[mine], sigma=sweep.sigma[mine],
+                        step=sweep.step[mine])
+            )  # fmt: skip
+    return out

@@ -5,7 +5,7 @@ from turnscan.poses._landmarks import from_landmarks, rigid
 from turnscan.poses._markers import from_markers, marker_spheres
 from turnscan.poses._moves import pose_moves
 from turnscan.poses._onto import Onto, onto, onto_all, plain_view
-from turnscan.poses._place import place
+from turnscan.poses._place import place, ways
 from turnscan.poses._view import View, view
 
 __all__ = [
@@ -25,4 +25,5 @@ __all__ = [
     "pose_moves",
     "rigid",
     "view",
+    "ways",
 ]

@@ -163,6 +163,15 @@ def place(views: Sequence[View], tick: Callable[[], None] = lambda: None) -> lis
     return [placed[i] for i in range(len(views))]
 
 
+def ways(first: View, second: View) -> list[Pose]:
+    """The ways in which one view fits another one, in the frame of the first, the best first.
+
+    Several of a part that is alike from several sides; none where the second one fits nowhere.
+    """
+    desk = Desk((first, second))
+    return [found.pose for found in _distinct(desk, 1, {0: Pose()}, desk.candidates(1, 0))]
+
+
 def _distinct(desk: Desk, i: int, placed: Placed, starts: Sequence[Pose]) -> list[_Found]:
     """The good placements of view i that differ, the best first."""
     good: list[_Found] = []

@@ -30,7 +30,12 @@ from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import list_pictures
-from turnscan.workflows._calibrate_look import check_sizes, look_for_board, look_for_markers
+from turnscan.workflows._calibrate_look import (
+    check_sizes,
+    look_for_board,
+    look_for_markers,
+    look_for_part,
+)
 from turnscan.workflows._calibrate_options import CalibrateOptions
 from turnscan.workflows._calibrate_pictures import (
     camera_views,
@@ -303,15 +308,18 @@ def _adjusted(
     second = board if options.laser_board is None else parse_board(options.laser_board)
     progress(0.0, "first look")
     _first_look(found, board, second, settings)
+    mix = None
+    if found.table and lit_on_table is not None:
+        mix = weights_for(options.colour, found.table, settings.table_board or settings.dictionary)
+        if settings.table_board is None:
+            look_for_part(found.table, settings.dictionary, mix, options.orientation)
     views = []
     if board is not None and found.camera:
         views = camera_views(found.camera, board, progress.subrange(0.05, 0.25, "camera boards"))
     boards = progress.subrange(0.25, 0.4, "laser boards")
     on_boards, weights = _on_boards(found, second, options, boards)
-    mix = None if lit_on_table is None else weights.get(lit_on_table)
-    if found.table and lit_on_table is not None and lit_on_table not in weights:
-        on = settings.table_board or settings.dictionary
-        mix = weights_for(options.colour, found.table, on)
+    if lit_on_table in weights:
+        mix = weights[lit_on_table]
     turning = progress.subrange(0.4, 0.7, "table")
     turned = table_pictures(found.table, settings, lit_on_table, mix, turning)
     adjusting = progress.subrange(0.7, 1.0, "adjusting")

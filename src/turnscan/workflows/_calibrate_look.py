@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from turnscan.arrays import Image
+from turnscan.arrays import Bools, Floats, Image
 from turnscan.calibrate import (
     Board,
     Chessboard,
@@ -18,10 +18,12 @@ from turnscan.calibrate import (
     detect_markers,
     other_chessboard,
     picture_fault,
+    stripe_light,
 )
 from turnscan.errors import FormatError, InputError
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import read_picture
+from turnscan.stripes import Orientation
 
 _SAMPLES = 6
 """Pictures of a stage, spread evenly, of which at least one must show what it should."""
@@ -36,6 +38,18 @@ _DICTIONARIES = (
     "DICT_ARUCO_ORIGINAL",
     "DICT_APRILTAG_36h11",
 )
+
+_BEND = 2.0
+"""px between a centre and the line through its neighbours, at most."""
+_FIXED_PX, _USUAL_WIDTH = 4.0, 640
+"""px by which the stripe on an empty platter may move, in pictures of that width: warp and lean of
+a platter come to half of it."""
+_THRICE = 3
+"""Pictures in which a line of the picture must show the stripe to tell whether it moves."""
+_MOVES = 0.1
+"""Of these lines, so many in which it does are no chance."""
+_CLEAR = 1.35
+"""A marker's printed square and the blur around it, in sides."""
 
 
 def check_sizes(paths: Sequence[Path]) -> None:
@@ -120,6 +134,60 @@ def look_for_markers(paths: Sequence[Path], dictionary: str, board: Board | None
         return None
 
     _look(paths, name, instead, Option("table"), f"a marker of {dictionary}")
+
+
+def look_for_part(
+    pairs: Sequence[tuple[Path, Path | None]],
+    dictionary: str,
+    weights: Floats | None,
+    orientation: Orientation,
+) -> None:
+    """Raise InputError where a part stands on the table.
+
+    A sheet meets an empty platter in one line of the picture, whichever way it is turned; on a part
+    that line goes another way in each picture.
+    """
+    across = 0 if orientation == "vertical" else 1
+    places, width = [], 0
+    for k in np.unique(np.linspace(0, len(pairs) - 1, _SAMPLES).round().astype(int)):
+        lit, dark = pairs[k]
+        picture, off = read_picture(lit), None if dark is None else read_picture(dark)
+        seen, _ = stripe_light(picture, off, weights, orientation, most=1)
+        corners = detect_markers(picture if off is None else off, dictionary).corners
+        lines, width = picture.shape[across], picture.shape[1 - across]
+        line = np.full(lines, np.nan)
+        free = seen[~_on_markers(seen, corners)]
+        line[free[:, 1 - across].astype(int)] = free[:, across]
+        bend = np.abs(np.diff(line, 2, prepend=np.nan, append=np.nan))
+        places.append(np.where(bend < _BEND, line, np.nan))
+    at = np.array(places)
+    at = at[:, np.isfinite(at).sum(axis=0) >= _THRICE]
+    if not at.shape[1]:
+        return
+    apart = np.nanmax(at, axis=0) - np.nanmin(at, axis=0)
+    moves = apart > _FIXED_PX * max(1.0, width / _USUAL_WIDTH)
+    if np.mean(moves) > _MOVES:
+        raise InputError(
+            "a part stands on the table: the stripe is in another place in each picture, by "
+            f"{np.median(apart[moves]):.0f} px in {np.mean(moves):.0%} of the lines where it is "
+            "seen; on an empty platter it stays",
+            hint=Remedy("give pictures of the empty table; where no laser was lit in these: ",
+                        Option("table_laser", "none")),
+            option=Option("table"),
+        )  # fmt: skip
+
+
+def _on_markers(at: Floats, corners: Floats) -> Bools:
+    """Which of (n, 2) px lie on markers (m, 4, 2) px, or close beside them."""
+    on = np.zeros(len(at), dtype=bool)
+    for square in corners:
+        middle = square.mean(axis=0)
+        around = middle + _CLEAR * (square - middle)
+        sides = np.roll(around, -1, axis=0) - around
+        off = at[:, None] - around
+        turned = sides[:, 0] * off[..., 1] - sides[:, 1] * off[..., 0]
+        on |= (turned >= 0).all(axis=1) | (turned <= 0).all(axis=1)
+    return on
 
 
 def _look(

@@ -38,6 +38,15 @@ _DETECTION, _PLACED = 0.6, 0.65
 _BENT = (0.0, 0.1, 0.2, 0.3)
 """Of the distance by which a rig may put points beside their places: how much of it bends shapes,
 instead of moving them as a whole."""
+_MOST_WAYS = 12
+"""In which a part that is alike from several sides may have been laid down, that are tried."""
+_TRIALS, _QUICK_ROUNDS = 0.6, 4
+"""Of the work, until it is known which of these ways is best; rounds of each."""
+_AS_WELL, _UNLIKE = 1.15, 5.0
+"""Times the best way's gaps: another way that explains the scans as well. Standard uncertainties:
+rigs farther apart are different ones."""
+_TABLE = math.radians(3.0)
+"""By which a table may be off its angles, where nothing is known of that."""
 _QUICK = RefineSettings(geometry=False, rounds=1, queries=1500)
 
 
@@ -58,6 +67,11 @@ class RefinedRig:
             f"{r.places} places where surfaces meet: {r.gap_before:.3f} mm rms apart before, "
             f"{r.gap_after:.3f} mm after; {r.gap_noise:.3f} mm is noise"
         ]
+        if r.shape_before > 0:
+            lines.append(
+                f"what the rig measures may be bent by {r.shape_after:.3f} mm (rms), "
+                f"{r.shape_before:.3f} mm before"
+            )
         lines += [f"  {name}: {_worded(name, m)}" for name, m in r.estimated.items()]
         if r.dropped:
             lines.append(f"not asked for by the scan: {', '.join(r.dropped)}")
@@ -79,6 +93,8 @@ class RefinedRig:
                 "gap_before_mm": r.gap_before,
                 "gap_after_mm": r.gap_after,
                 "gap_noise_mm": r.gap_noise,
+                "shape_before_mm": r.shape_before,
+                "shape_after_mm": r.shape_after,
                 "estimated": {n: [m.value, m.sigma] for n, m in r.estimated.items()},
                 "dropped": r.dropped,
                 "held": r.held,
@@ -154,9 +170,9 @@ def refine(
     first = seen[0].rig
     lies = _placed(seen, progress.subrange(_DETECTION, _PLACED))
     sweeps = [replace(w, pose=k) for k, one in enumerate(seen) for w in one.sweeps]
-    limits = RefineSettings(wanted.camera, not wanted.table_only, body, poses=lies)
+    limits = RefineSettings(wanted.camera, not wanted.table_only, body)
     part = progress.subrange(_PLACED, 1, "fitting the surfaces")
-    done = adjust_rig(first, sweeps, limits, part)
+    done = _adjusted(first, sweeps, limits, lies, part)
     evidence = (*first.evidence, *(one.evidence for one in seen))
     done = replace(done, rig=replace(done.rig, evidence=evidence))
     write_atomically(output, rig_to_json(done.rig).encode())
@@ -228,30 +244,99 @@ def _seen(path: Path, rig: Rig | None, before: Sequence[_Seen], progress: Progre
     return _Seen(begin, evidence, _sweeps(found, grids, settings), path.name, surfaces)
 
 
-def _placed(seen: Sequence[_Seen], progress: Progress) -> tuple[Pose, ...]:
-    """Where the part lay in the second pose and those that follow, by the shape that was seen.
+def _placed(seen: Sequence[_Seen], progress: Progress) -> list[tuple[Pose, ...]]:
+    """Where the part lay in the second pose and those that follow, by the shape that was seen; of
+    two scans of a part that is alike from several sides, each way.
 
     The surfaces are as wrong as the rig, and agree no better. How much of its uncertainty bends
     shapes is not known: little at first, and more where they fit nowhere, or fit in several ways.
     """
     if len(seen) < 2:
-        return ()
-    doubt = [max(sweep.doubt(one.rig) for sweep in one.sweeps) for one in seen]
+        return [()]
+    doubt = [max(_doubt(sweep, one.rig) for sweep in one.sweeps) for one in seen]
     plain = [poses.view(one.name, one.surfaces) for one in seen]
     refused: InputError | None = None
+    several: list[tuple[Pose, ...]] = []
     for k, share in enumerate(_BENT):
         part = progress.subrange(k / len(_BENT), (k + 1) / len(_BENT), "placing the poses")
         views = [
             replace(v, sigma=np.hypot(v.sigma, share * d))
             for v, d in zip(plain, doubt, strict=True)
         ]
+        if len(views) == 2:
+            found = [[Pose(), way] for way in poses.ways(*views)]
+            done = [tuple(poses.align(views, one).poses[1:]) for one in found[:_MOST_WAYS]]
+            part(1.0)
+            if len(done) == 1:
+                return done
+            several = several or done
+            continue
         try:
-            found = poses.place(views, part.counter(len(views)))
-            return tuple(poses.align(views, found).poses[1:])
+            placed = poses.place(views, part.counter(len(views)))
+            return [tuple(poses.align(views, placed).poses[1:])]
         except InputError as error:
             refused = refused or error
-    assert refused is not None
-    raise refused
+    if several:
+        return several
+    raise refused or InputError(
+        f"{seen[1].name}: no place where its surface agrees with {seen[0].name}",
+        hint="scan poses that overlap by a third, of a part with a shape that fits in few ways",
+    )
+
+
+def _adjusted(
+    rig: Rig,
+    sweeps: Sequence[Sweep],
+    limits: RefineSettings,
+    lies: Sequence[tuple[Pose, ...]],
+    progress: Progress,
+) -> Refined:
+    """The rig by the way of laying the part down whose surfaces agree best.
+
+    Raises InputError where another way says as well that the rig is another one.
+    """
+    if len(lies) == 1:
+        return adjust_rig(rig, sweeps, replace(limits, poses=lies[0]), progress)
+    tried, failed = list[tuple[Refined, tuple[Pose, ...]]](), list[CalibrationError]()
+    tick = progress.subrange(0, _TRIALS).counter(len(lies))
+    for way in lies:
+        quick = replace(limits, poses=way, rounds=_QUICK_ROUNDS, queries=_QUICK.queries)
+        try:
+            tried.append((adjust_rig(rig, sweeps, quick), way))
+        except CalibrationError as error:
+            failed.append(error)
+        tick()
+    if not tried:
+        raise failed[0]
+    best, way = min(tried, key=lambda one: one[0].gap_after / one[0].gap_noise)
+    for other, _ in tried:
+        if other.gap_after < _AS_WELL * best.gap_after and _differ(best, other):
+            raise InputError(
+                "the part may have been laid down in several ways, and they say that the rig is a "
+                "different one",
+                hint="take a part with a shape that fits in one way",
+            )
+    part = progress.subrange(_TRIALS, 1)
+    return adjust_rig(rig, sweeps, replace(limits, poses=way), part)
+
+
+def _differ(one: Refined, other: Refined) -> bool:
+    """Whether two rigs are farther apart than their uncertainties explain."""
+    unknown = Measured(0.0, 0.0)
+    for name in {*one.estimated, *other.estimated}:
+        a, b = (r.estimated.get(name, unknown) for r in (one, other))
+        if abs(a.value - b.value) > _UNLIKE * math.hypot(a.sigma, b.sigma):
+            return True
+    return False
+
+
+def _doubt(sweep: Sweep, rig: Rig) -> float:
+    """mm rms by which a rig, and a table that nothing measured, may put points aside."""
+    off = sweep.doubt(rig)
+    if not sweep.moved or rig.motion is not None or not len(sweep.pixels):
+        return off
+    at = sweep.points(rig, rig.camera.rays(sweep.pixels))
+    return math.hypot(off, _TABLE * float(np.median(np.hypot(at[:, 0], at[:, 1]))))
 
 
 def _sweeps(
