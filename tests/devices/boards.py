@@ -46,7 +46,7 @@ def firmware(dialect: str) -> Firmware:
 def plugged(dialect: str, scale: float = SCALE, **options: Any) -> Iterator[tuple[Any, Socket]]:
     """A board of this dialect and its socket."""
     with Socket(firmware(dialect), scale=scale) as socket:
-        device = board(f"{dialect}:{socket.path}?lasers=a,b", **{"deadlines": QUICK, **options})
+        device = board(f"{dialect}:{socket.path}?lasers=a,b", **{"deadlines": PATIENT, **options})
         try:
             yield device, socket
         finally:
