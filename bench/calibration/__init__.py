@@ -16,7 +16,8 @@ import importlib
 from collections.abc import Sequence
 
 from bench._page import DOCS, write
-from bench.calibration._figures import HEAD, Figure, table
+from bench.calibration import _figures
+from bench.calibration._figures import HEAD, Figure
 
 PARTS = (
     "boards", "zscores", "targetless", "poses", "table", "verify", "refused", "real", "time",
@@ -35,5 +36,5 @@ def run(quick: bool, parts: Sequence[str], into_pages: bool) -> None:
             made.append(figure)
         missed += sum(f.met is not None and not f.met for f in made)
         if into_pages:
-            write(PAGE, f"calibration {part}", table(made))
+            write(PAGE, f"calibration {part}", _figures.table(made))
     print(f"{missed} missed")

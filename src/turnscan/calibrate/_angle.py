@@ -51,7 +51,10 @@ def platter_seen(image: Image, rig: Rig) -> Platter:
     another picture size.
     """
     seen = _markers_seen(image, rig)
-    return Platter(table_angle(rig, seen), markers_off(rig, seen))
+    if not seen:
+        return Platter(None, float("nan"))
+    first = _fitted(rig, seen)
+    return Platter(_agreeing(rig, seen, first), first.off)
 
 
 def _markers_seen(image: Image, rig: Rig) -> list[tuple[int, Floats, Floats]]:
@@ -74,15 +77,9 @@ def _markers_seen(image: Image, rig: Rig) -> list[tuple[int, Floats, Floats]]:
     return seen
 
 
-def markers_off(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> float:
+def markers_off(rig: Rig, seen: Sequence[tuple[int, Floats, Floats]]) -> float:
     """`Platter.off` of markers given as (number, corners (4, 3) mm, pixels (4, 2))."""
-    if not seen:
-        return float("nan")
-    start = _median_angle(np.array([_start(rig, mm, px) for _, mm, px in seen]))
-    points = np.concatenate([mm for _, mm, _ in seen])
-    pixels = np.concatenate([px for _, _, px in seen])
-    _, residual, _, _ = _refine(rig, points, pixels, start)
-    return float(np.median(np.linalg.norm(residual, axis=1)))
+    return _fitted(rig, seen).off if seen else float("nan")
 
 
 def moved_platter(rig: Rig, off: Sequence[float]) -> list[Finding]:
@@ -105,23 +102,51 @@ def moved_platter(rig: Rig, off: Sequence[float]) -> list[Finding]:
     ]
 
 
-def table_angle(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> TableAngle | None:
+@dataclass(frozen=True)
+class _Fitted:
+    """One angle for all corners, and what is left of them, px."""
+
+    angle: float
+    residual: Floats
+    slope: Floats
+    weight: Floats
+
+    @property
+    def off(self) -> float:
+        return float(np.median(np.linalg.norm(self.residual, axis=1)))
+
+
+def _fitted(rig: Rig, seen: Sequence[tuple[int, Floats, Floats]]) -> _Fitted:
+    start = _median_angle(np.array([_start(rig, mm, px) for _, mm, px in seen]))
+    points = np.concatenate([mm for _, mm, _ in seen])
+    pixels = np.concatenate([px for _, _, px in seen])
+    return _Fitted(*_refine(rig, points, pixels, start))
+
+
+def table_angle(rig: Rig, seen: Sequence[tuple[int, Floats, Floats]]) -> TableAngle | None:
     """Angle of the table from markers given as (number, corners (4, 3) mm, pixels (4, 2))."""
-    while seen:
-        start = [_start(rig, mm, px) for _, mm, px in seen]
-        angle = _median_angle(np.array(start))
-        points = np.concatenate([mm for _, mm, _ in seen])
-        pixels = np.concatenate([px for _, _, px in seen])
-        angle, residual, slope, weight = _refine(rig, points, pixels, angle)
-        worst = np.linalg.norm(residual.reshape(len(seen), 4, 2), axis=2).mean(axis=1)
+    return _agreeing(rig, seen, _fitted(rig, seen)) if seen else None
+
+
+def _agreeing(
+    rig: Rig, seen: Sequence[tuple[int, Floats, Floats]], fit: _Fitted
+) -> TableAngle | None:
+    """The angle, the worst markers left out one by one until the others agree; ``fit`` is that of
+    all."""
+    left = list(seen)
+    while True:
+        residual, weight = fit.residual, fit.weight
+        worst = np.linalg.norm(residual.reshape(len(left), 4, 2), axis=2).mean(axis=1)
         if worst.max() <= _AGREE_PX:
             rms = float(np.sqrt((weight * residual**2).sum() * 2 / weight.sum()))
             scatter = np.sqrt((weight * residual**2).sum() / max(residual.size - 1, 1))
-            sigma = max(float(scatter), _LEAST_SIGMA_PX) / np.sqrt((weight * slope**2).sum())
-            wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
-            return TableAngle(float(wrapped), float(sigma), rms, tuple(n for n, _, _ in seen))
-        del seen[int(worst.argmax())]
-    return None
+            sigma = max(float(scatter), _LEAST_SIGMA_PX) / np.sqrt((weight * fit.slope**2).sum())
+            wrapped = (fit.angle + np.pi) % (2 * np.pi) - np.pi
+            return TableAngle(float(wrapped), float(sigma), rms, tuple(n for n, _, _ in left))
+        del left[int(worst.argmax())]
+        if not left:
+            return None
+        fit = _fitted(rig, left)
 
 
 def _start(rig: Rig, corners_mm: Floats, pixels: Floats) -> float:

@@ -13,6 +13,7 @@ from turnscan.calibrate._prior import prior_of
 from turnscan.calibrate._surfaces import (
     SurfaceNetwork,
     Surfaces,
+    known_together,
     pair_of,
     scale_of,
 )
@@ -40,7 +41,9 @@ def network_of(
     names = state.rig.parameter_names
     stages = {n.rpartition(".")[0] for n, f in zip(names, free, strict=False) if f}
     prior = prior_of(rig, state.rig, stages) if stages else None
-    network = SurfaceNetwork(sweeps, (), state, free, prior, rig.motion)
+    network = SurfaceNetwork(
+        sweeps, (), state, free, prior, rig.motion, loose_frame=not known_together(rig)
+    )
     at = network.places(state)
     noise = network.noise(state)
     pairs = []

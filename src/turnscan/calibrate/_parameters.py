@@ -9,6 +9,7 @@ from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
 
+_PIXELS = ("fx", "fy", "cx", "cy")
 _BOW = ("aa", "ab", "bb")
 
 
@@ -36,9 +37,19 @@ def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
     values |= {n: f"{v:.3g} 1/mm" for n, v in zip(BEND, state.bend, strict=True)}
     sigma = np.sqrt(np.diag(c.fit.covariance))
     return [
-        (name, values.get(name, ""), f"{s:.3g}" if s > 0 else "held fixed")
+        (name, values.get(name, ""), _uncertainty(name, float(s)) if s > 0 else "held fixed")
         for name, s in zip(c.network.names, sigma, strict=True)
     ]
+
+
+def _uncertainty(name: str, sigma: float) -> str:
+    """In words, with its unit."""
+    what = name.rpartition(".")[2]
+    if what.startswith("turn_"):
+        return f"{np.degrees(sigma):.3g}°"
+    if name.startswith("camera.") and what in _PIXELS:
+        return f"{sigma:.3g} px"
+    return f"{sigma:.3g} mm" if what == "offset" or what.startswith("shift_") else f"{sigma:.3g}"
 
 
 def _vector(v: Floats) -> str:

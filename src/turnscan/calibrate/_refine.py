@@ -24,6 +24,7 @@ from turnscan.calibrate._surfaces import (
     SurfaceNetwork,
     Surfaces,
     gauge_of,
+    known_together,
     motion_known,
 )
 from turnscan.calibrate._sweeps import Sweep, doubt_of, thinned, turns_of
@@ -65,7 +66,8 @@ class RefineSettings:
     """What may move, and what is known of the part."""
 
     camera: bool = False
-    """Whether the camera may move, too, within its uncertainty."""
+    """Whether the camera may move, too, within its uncertainty; it always does where it is known
+    together with the rest, as from pictures of boards."""
     geometry: bool = True
     """Whether sheets and axis may move within their uncertainty."""
     body: tuple[Form, tuple[Known | None, ...]] | None = None
@@ -125,6 +127,8 @@ def refine(
     estimated with the rest, from about where it is known to be. What one laser saw in two turns, or
     there and back, is held against each other, too: that shows play, but no wave that comes again
     at the same angle.
+    A rig that was calibrated by boards counts by its whole covariance, the camera's too, which is
+    one joint adjustment of boards and body.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
@@ -366,7 +370,7 @@ def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings)
     free = np.zeros(len(names), dtype=bool)
     if rig.covariance is not None and s.geometry:
         free[: len(own)] = np.diag(rig.covariance) > 0
-        if not s.camera:
+        if not s.camera and not known_together(rig):
             free[[k for k, n in enumerate(own) if n.startswith("camera.")]] = False
     moved = [sweep for sweep in sweeps if sweep.moved]
     if moved:
@@ -464,7 +468,7 @@ def _told(
         covariance[part, :] = 0.0
         covariance[:, part] = 0.0
         covariance[np.ix_(part, part)] = fit.covariance[np.ix_(part, part)]
-        for gauge in gauge_of(before) if part.size else ():
+        for gauge in gauge_of(before) if part.size and not known_together(before) else ():
             covariance += np.outer(gauge, gauge) * (gauge @ before.covariance @ gauge)
         held = [
             n for n, s, o, f in zip(before.parameter_names, sigma, old, free, strict=False)

@@ -166,6 +166,8 @@ class SurfaceNetwork:
     prior: RigPrior | None = None
     known_motion: TableMotion | None = None
     """The table's errors as they were known, with their covariance."""
+    loose_frame: bool = True
+    """Whether nothing but a convention says where the table's frame is along and about its axis."""
     body_noise: tuple[tuple[Floats, ...], ...] = field(default=())
     """Per body and sweep: what one standard deviation of its points' noise makes of their
     distance, mm."""
@@ -382,11 +384,12 @@ class SurfaceNetwork:
             common[:, self.prior.index] = self.prior.root
             none = np.zeros((len(common), 0))
             out.append(Block(-1, PRIOR_RIG, self.prior.residual(state.rig), common, none))
-            gauge = gauge_of(self.prior.rig) / _GAUGE
-            common = self._zeros(2)
-            common[:, : len(state.rig.parameter_names)] = gauge
-            off = -gauge @ moved_by(self.prior.rig, state.rig)
-            out.append(Block(-1, PRIOR_GAUGE, off, common, np.zeros((2, 0))))
+            if self.loose_frame:
+                gauge = gauge_of(self.prior.rig) / _GAUGE
+                common = self._zeros(2)
+                common[:, : len(state.rig.parameter_names)] = gauge
+                off = -gauge @ moved_by(self.prior.rig, state.rig)
+                out.append(Block(-1, PRIOR_GAUGE, off, common, np.zeros((2, 0))))
         return out
 
 
@@ -415,6 +418,13 @@ def motion_known(names: Sequence[str], known: TableMotion | None) -> tuple[Float
                 mean[k] = known.values[known.names.index(name)]
                 sigma[k] = own[known.names.index(name)]
     return mean, sigma
+
+
+def known_together(rig: Rig) -> bool:
+    """Whether the camera is known together with sheets or table, as from pictures of boards: what
+    moves these without it contradicts the pictures."""
+    C, k = rig.covariance, CAMERA_SIZE
+    return C is not None and bool(np.any(C[:k, k:] != 0.0))
 
 
 def gauge_of(rig: Rig) -> Floats:

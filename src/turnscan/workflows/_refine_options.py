@@ -26,7 +26,11 @@ class RefineOptions(Checked):
         "Another form that is the part, tilted: cylinder, cone, or a sphere of unknown size; with "
         "a diameter (cylinder:40.02) or half angle (cone:15) that is known.",
     )  # fmt: skip
-    camera: bool = option(False, "switch", "Let the camera move, too, within its uncertainty.")
+    camera: bool = option(
+        False, "switch",
+        "Let the camera move, too, within its uncertainty; it always does where it was calibrated "
+        "together with the rest.",
+    )  # fmt: skip
     table_only: bool = option(
         False, "switch", "Hold laser sheets and axis; estimate the table's errors alone."
     )
