@@ -299,12 +299,12 @@ def _table(tasks: Sequence[Task], folder: Path, into_pages: bool) -> None:
         lines += more
         print("\n".join(more), flush=True)
         if into_pages:
-            rig = tasks[0].rig
-            into_page("shapes" if rig == "paper" else f"shapes-{rig}", lines)
+            into_page("shapes", tasks[0].rig, lines)
 
 
-def into_page(name: str, lines: Sequence[str]) -> None:
-    """Put the rows of some parts into a table of the page; those of other parts stay."""
+def into_page(table: str, rig: str, lines: Sequence[str]) -> None:
+    """Put the rows of some parts into the page's table of a rig; those of other parts stay."""
+    name = table if rig == "paper" else f"{table}-{rig}"
     write(PAGE, name, replaced(figures(PAGE, name), lines, 1, PARTS))
 
 
@@ -364,7 +364,7 @@ def main() -> None:
             lines = [f"{head} {MEASURED} |", f"{line}---|", *rows]
             print("\n".join(lines), flush=True)
             if args.write:
-                into_page("shapes-seeds", lines)
+                into_page("shapes-seeds", task.rig, lines)
 
 
 if __name__ == "__main__":

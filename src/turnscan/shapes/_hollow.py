@@ -21,7 +21,7 @@ _ABOUT = 40
 """Faces of a filling whose mean tells which way it looks at a place."""
 _CLEAR = 1.5
 """Samples from all that was measured within which a place says nothing: there the clean-up may have
-taken a point of the surface."""
+taken a point of the surface. What is said of the middle of a filling holds for its rim."""
 _SECTORS, _WALLS, _FACING = 12, 2, 0.5
 """Directions in which the border about a place is looked at, those in which it must be a wall, at
 least, and the cosine from which it is: it looks towards the place at less than 60°."""
@@ -113,7 +113,7 @@ def _places(mesh: Mesh, real: Bools) -> _Asked:
         across = np.einsum("ij,ij->i", way, area[some]) / np.maximum(size[some], 1e-300)
         out.append(
             _Asked(
-                middle[some], way, ends[-1] / count * np.maximum(across, 0.0),
+                middle[some], way, ends[-1] / len(some) * np.maximum(across, 0.0),
                 np.full(len(some), number, np.int32),
                 _walled(middle[some], way, mesh.vertices[border], normals[border]),
             )
