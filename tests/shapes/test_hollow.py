@@ -38,7 +38,7 @@ def source(elevation: float) -> shapes.Source:
     empty = np.full((60, rig.camera.height), np.nan)
     points = np.full((*empty.shape, 3), np.nan)
     flags = np.ones(empty.shape, np.uint16)
-    grid = RangeGrid("L0", np.arange(60), angles, points, empty, empty, flags, True)
+    grid = RangeGrid("L0", np.arange(60, dtype=np.int32), angles, points, empty, empty, flags, True)
     return shapes.Source((grid,), rig)
 
 
