@@ -290,7 +290,7 @@ def _of_fit(c: Calibration) -> list[Finding]:
             Finding(
                 "calibrate.correlated",
                 "note",
-                f"{len(pairs)} pairs of parameters are strongly correlated (|r| > {_CORRELATED}): "
+                f"strongly correlated parameters (|r| > {_CORRELATED}, pairs: {len(pairs)}): "
                 f"{worst}; together they are better known than each alone, see the report",
                 remedy="add pictures of the board with more tilts, distances and positions",
             )
