@@ -31,6 +31,10 @@ Index = npt.NDArray[np.int64]
 
 LIMIT = 3.0
 """Standard deviations that a point may be off its surface."""
+_CURVED = 2.0
+"""Vertices that scatter so many times as much with the curvature as without are far apart on it."""
+_TWICE = 1.2582
+"""Deviation of independent noise less the mean of its neighbours, taken twice, over once."""
 _PATTERN = 0.15
 """Share of the tolerance that the means of cells may stand off the surface."""
 _EXCESS = 0.22
@@ -172,8 +176,11 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     normals = region.smoothed(raw, start, near, rounds)
     off, turn = region.scatter(X, normals, start, near)
     size = float(np.linalg.norm(np.ptp(X, axis=0)))
-    seen = np.abs(off[off != 0.0])
-    noise = 1.4826 * float(np.median(seen)) if len(seen) else 0.0
+    noise = _usual(off)
+    if sigma is not None:
+        flat = _without_curvature(off, tail, near)
+        if _usual(flat) * _CURVED < noise:
+            off, noise = flat, _usual(flat)
     noise = max(noise, 1e-5 * size)
     scale = np.full(len(X), noise) if sigma is None else np.maximum(sigma, noise)
     floor = max(LIMIT * noise, 1e-4 * size)
@@ -195,6 +202,21 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
         stripe, along, 0 if stripe is None else len(np.unique(stripe)),
         float(np.median(scale)) if len(scale) else 0.0, size, _together(scale, noise),
     )  # fmt: skip
+
+
+def _usual(off: Floats) -> float:
+    """mm: the noise of vertices that stand (v,) off the mean of their neighbours."""
+    seen = np.abs(off[off != 0.0])
+    return 1.4826 * float(np.median(seen)) if len(seen) else 0.0
+
+
+def _without_curvature(off: Floats, tail: Index, near: npt.NDArray[np.int32]) -> Floats:
+    """(v,) How vertices stand off the mean of their neighbours, less what these do: between the
+    profiles of a coarse turn all of a curved surface does. Scaled to one standard deviation of
+    independent noise, on a mesh of six neighbours."""
+    many = np.bincount(tail, minlength=len(off))
+    mean = np.bincount(tail, off[near], minlength=len(off)) / np.maximum(many, 1)
+    return np.asarray(np.where(off == 0.0, 0.0, (off - mean) / _TWICE))
 
 
 def _together(scale: Floats, noise: float) -> float:
