@@ -148,3 +148,12 @@ def test_beside_the_axis_the_noise_of_points_is_no_curvature():
     moved = PIXEL * np.abs(curvature_shift(shaken, THICK))[near]
     assert np.quantile(moved, 0.99) < 0.05
     assert moved.max() < 0.15
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 4, 5])
+def test_a_turn_of_few_steps_comes_to_an_end(steps: int) -> None:
+    """And has no curvature, as no two profiles lie to either side."""
+    light, _ = light_of((20.0, (3.0, 0.0)), 0.4, steps)
+    moved = curvature_shift(light, THICK)
+    if steps < 4:
+        assert np.all(np.isnan(moved) | (moved == 0.0))

@@ -89,7 +89,8 @@ def shifts(
             if not arc > 0.0:
                 continue
             m = min(max(int(np.rint(span / arc)), 1), min(_MOST, s // 4))
-            if not closed and (k + m >= s or k < m):
+            # None in a turn of fewer than four steps.
+            if m == 0 or (not closed and (k + m >= s or k < m)):
                 continue
             a, b = (
                 _from(here, _at(points, (k - m) % s, j)),
