@@ -72,7 +72,9 @@ def test_the_tables_of_shapes_and_solids_keep_their_rows(
 ) -> None:
     monkeypatch.setattr(shapes, "PAGE", page)
     row = "| shaft | low ⌀ | 50 | 50.0038 | 0.0082 | +3.8 | 0.23 |"
-    shapes.into_page("table", [*shapes.HEAD, *_page.measured([row], shapes.Task("shaft").how)])
+    shapes.into_page(
+        "table", "paper", [*shapes.HEAD, *_page.measured([row], shapes.Task("shaft").how)]
+    )
     rows = [_page.cells(line) for line in _page.figures(page, "table")]
     assert [r[0] for r in rows[2:]] == ["hexagon", "hexagon", "shaft", "gear"]
     assert {len(r) for r in rows} == {len(_page.cells(shapes.HEAD[0]))}
