@@ -22,4 +22,4 @@ def test_a_coarse_turn_is_no_noise_and_a_chamfer_no_part_of_a_cylinder(steps: in
         cylinders = sorted(found.of("cylinder"), key=lambda s: s.radius)
         for shape, true in zip(cylinders, (12.0, 20.0), strict=True):
             errors.append((shape.radius - true) / shape.radius_sigma)
-    assert np.sqrt(np.mean(np.square(errors))) < 2.0
+    assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 2.0

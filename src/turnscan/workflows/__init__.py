@@ -134,7 +134,6 @@ if TYPE_CHECKING:
     )
     from turnscan.workflows._shapes import FoundShapes, find_shapes
     from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
-    from turnscan.workflows._shapes_step import check_step
     from turnscan.workflows._simulate import SimulatedScan, simulate
     from turnscan.workflows._simulate_options import SimulateOptions
     from turnscan.workflows._stoppable import StoppableDevices, live_pictures, stoppable_devices
@@ -152,7 +151,7 @@ if TYPE_CHECKING:
         photograph,
         scan_events,
     )
-    from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES
+    from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES, check_step
     from turnscan.workflows._verify import (
         Trend,
         Verification,
@@ -285,7 +284,6 @@ _MODULES = {
     ),
     "_shapes": ("FoundShapes", "find_shapes"),
     "_shapes_options": ("SHAPES_SUFFIXES", "ShapesOptions"),
-    "_shapes_step": ("check_step",),
     "_simulate": ("SimulatedScan", "simulate"),
     "_simulate_options": ("SimulateOptions",),
     "_stripes": ("ScanStripes",),
@@ -302,7 +300,7 @@ _MODULES = {
         "photograph",
         "scan_events",
     ),
-    "_units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES"),
+    "_units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES", "check_step"),
     "_verify": (
         "Trend",
         "Verification",

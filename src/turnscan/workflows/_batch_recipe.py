@@ -24,8 +24,7 @@ from turnscan.workflows._import_options import (
 )
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name
 from turnscan.workflows._reconstruct_options import ReconstructOptions
-from turnscan.workflows._shapes_step import check_step
-from turnscan.workflows._units import UNITS, is_step
+from turnscan.workflows._units import UNITS, check_step, is_step
 
 Options = TypeVar("Options", bound=Checked)
 

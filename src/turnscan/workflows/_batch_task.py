@@ -40,6 +40,7 @@ from turnscan.workflows._loading import load
 from turnscan.workflows._reading import read_rig_file
 from turnscan.workflows._reconstruct import Order
 from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._units import check_step
 
 State = Literal["done", "pass", "fail", "error"]
 THUMBNAIL = "thumbnail.png"
@@ -150,6 +151,8 @@ def run_task(task: Task, looked: Sequence[Sequence[Known]] = ()) -> Outcome:
     """
     with scratch(None if storage.is_address(task.output) else Path(task.output)) as work:
         try:
+            # What this machine lacks is no fault of the scan's, and not kept as its result.
+            check_step([Path(f"part.{suffix}") for suffix in task.recipe.formats])
             source = storage.fetched(task.source, work)
             name = _folder_name(task, source)
         except Exception as e:  # noqa: BLE001 (of this scan alone: the others go on)

@@ -16,7 +16,7 @@ from turnscan.surface.clean import settled
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._reconstruct_options import decimation
 from turnscan.workflows._saving import save
-from turnscan.workflows._shapes_step import check_step
+from turnscan.workflows._units import check_step
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,6 @@ from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_a
 from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
 from turnscan.workflows._shapes_shell import shell_under
 from turnscan.workflows._shapes_table import finite
-from turnscan.workflows._units import is_iges, is_step
 
 _ALIKE = 0.01
 """Share of the volume that a solid may differ from the mesh by: a mesh cuts its edges."""
@@ -72,17 +71,6 @@ class StepFile:
     def solid(self) -> bool:
         """Whether it holds a solid."""
         return self.made is not None and self.made.closed
-
-
-def check_step(paths: Iterable[Path]) -> bool:
-    """Whether a solid is wanted.
-
-    Raises InputError, before work is spent, where none can be made.
-    """
-    wanted = any(is_step(path) or is_iges(path) for path in paths)
-    if wanted:
-        check_opencascade()
-    return wanted
 
 
 def iges_of(solid: Solid, name: str) -> bytes:

@@ -8,8 +8,7 @@ from pathlib import Path
 from turnscan.formats import exporter_for
 from turnscan.workflows._files import check_apart, check_output
 from turnscan.workflows._range_scans import placed_scans
-from turnscan.workflows._shapes_step import check_step
-from turnscan.workflows._units import is_step
+from turnscan.workflows._units import check_step, is_step
 
 
 def check_targets(

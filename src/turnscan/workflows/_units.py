@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
@@ -22,3 +23,16 @@ def is_step(path: Path) -> bool:
 def is_iges(path: Path) -> bool:
     """Whether a file's name is that of an IGES file."""
     return path.suffix.lower() in IGES_SUFFIXES
+
+
+def check_step(paths: Iterable[Path]) -> bool:
+    """Whether a solid is wanted.
+
+    Raises InputError, before work is spent, where none can be made.
+    """
+    wanted = any(is_step(path) or is_iges(path) for path in paths)
+    if wanted:
+        from turnscan.drawings import check_opencascade
+
+        check_opencascade()
+    return wanted

@@ -179,8 +179,9 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     noise = _usual(off)
     if sigma is not None:
         flat = _without_curvature(off, tail, near)
-        if _usual(flat) * _CURVED < noise:
-            off, noise = flat, _usual(flat)
+        even = _usual(flat)
+        if even * _CURVED < noise:
+            off, noise = flat, even
     noise = max(noise, 1e-5 * size)
     scale = np.full(len(X), noise) if sigma is None else np.maximum(sigma, noise)
     floor = max(LIMIT * noise, 1e-4 * size)
