@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.devices.boards import PATIENT, SCALE, plugged
+from tests.devices.boards import PATIENT, SCALE, near, plugged
 from turnscan.devices import _guard
 from turnscan.devices._guard_client import Interrupted
 from turnscan.devices._registry import board
@@ -152,6 +152,29 @@ def test_a_move_that_was_not_sent_loses_no_place_that_the_board_cannot_tell() ->
         assert device.alarm == ""
         assert socket.firmware.turns == pytest.approx(0.25)
         device.close()
+
+
+@pytest.mark.parametrize("piece", [1, 2, 4])
+def test_a_signal_just_after_a_piece_of_a_move_finds_the_table_where_it_is(piece: int) -> None:
+    """FabScanPi does not say where it is, so what is noted has to be right at any moment."""
+    device, link = near("fabscan")
+    mark, left = device._mark, piece
+
+    def signalled() -> None:
+        nonlocal left
+        left -= 1
+        if left == 0:
+            raise KeyboardInterrupt
+        mark()
+
+    device._mark = signalled
+    with pytest.raises(KeyboardInterrupt):
+        device.move_to(math.radians(45.0), 10.0)
+    assert left == 0
+    device._mark = mark
+    assert device.angle == pytest.approx(2.0 * math.pi * link.board.turns)
+    device.move_to(math.radians(45.0), 10.0)
+    assert link.board.turns == pytest.approx(0.125)
 
 
 def work(device: Any, over: threading.Event) -> None:

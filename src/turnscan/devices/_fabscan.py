@@ -120,22 +120,27 @@ class FabScanBoard(Board):
         end = self._move_end(travel_time(steps, self._rate, ACCELERATION), end)
         self._move_sent = text.encode()
         rest = self._said(text, end)
-        self._move_sent = b""
         if rest:
+            self._move_sent = b""
             raise DeviceRestarted(f"{self.setup.port}: said {rest[0][:40]!r} while turning")
+        # Before anything else: a signal from here on finds the table at rest where it was to go.
+        self._note(replace(self._left, unit=unit, target=None, sent=False))
+        self._move_sent = b""
         self._in_phase = True
         self._mark()
 
     def _come_to_rest(self) -> None:
         """It cannot be stopped: wait for the end of the piece that it is in."""
         sent, self._move_sent = self._move_sent, b""
+        if self._left.target is None:
+            return
         end = time.monotonic() + self._d.acknowledge + self._d.move_extra
         while sent and self._lines.next(end, "'G02'") != b">":
             pass  # the prompt comes after the echo, which a signal may have swallowed
-        if sent and self._left.target is not None:
+        if sent:
             self._in_phase = True
             self._note(replace(self._left, unit=self._left.target, target=None, sent=False))
-        elif not sent:
+        else:
             self._note(replace(self._left, target=None))
 
     def _piece(self) -> int | None:
