@@ -6,6 +6,7 @@ A shape is a function of points (..., 3) that is negative inside, positive outsi
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 
 import numpy as np
 
@@ -77,44 +78,61 @@ def scan_shape(
     rig: Rig, shape: Shape, angles: Floats, laser: str = "L0", *, sigma: float = 0.1
 ) -> list[Stripe]:
     """The stripe of each angle, to 1e-12 px: first surface the laser meets, seen or not."""
-    return [_stripe(rig, rig.sheet(laser), shape, float(a), sigma) for a in angles]
+    sheet, turns = rig.sheet(laser), np.asarray(angles, dtype=np.float64)
+    # The sheet stands still: where its light passes before the camera is the same at every angle.
+    u, passes = _search(rig, sheet)
+    n, size = len(passes), len(turns)
+    hit, first = np.zeros((size, n), dtype=np.bool_), np.zeros((size, n), dtype=np.intp)
+    for k, angle in enumerate(turns):
+        f = shape(_turned(passes, angle))
+        with np.errstate(invalid="ignore"):
+            entered = (f[:, :-1] > 0) & (f[:, 1:] <= 0)
+        hit[k], first[k] = entered.any(axis=1), entered.argmax(axis=1)
+    step, line = np.nonzero(hit)
+    lo, hi = u[first[hit]], u[first[hit] + 1]
+    for _ in range(_HALVINGS):
+        middle = (lo + hi) / 2
+        with np.errstate(invalid="ignore"):
+            out = shape(to_object(rig, _point(rig, sheet, middle, line), turns[step])) > 0
+        lo, hi = np.where(out, middle, lo), np.where(out, hi, middle)
+    place = (lo + hi) / 2
+    with np.errstate(invalid="ignore"):
+        good = (place >= 0) & (place <= rig.camera.width - 1)
+    step, line, place = step[good], line[good], place[good]
+    points = rig.T_camera_table.inverse().apply(_point(rig, sheet, place, line))
+    position = np.full((size, n), np.nan)
+    for k, angle in enumerate(turns):
+        mine = step == k
+        seen = _seen(rig, shape, points[mine], angle)
+        position[k, line[mine][seen]] = place[mine][seen]
+    return [_stripe(row, sigma) for row in position]
 
 
-def _stripe(rig: Rig, sheet: LaserSheet, shape: Shape, angle: float, sigma: float) -> Stripe:
+def _search(rig: Rig, sheet: LaserSheet) -> tuple[Floats, Floats]:
+    """Columns (m,) from the side that the laser stands on inwards, and where the sheet is seen in
+    them in each line: (n, m, 3), table frame."""
     camera = rig.camera
-    n = camera.height
-    v = np.arange(n, dtype=np.float64)
-
-    def point(u: Floats, line: Floats) -> Floats:
-        return sheet.intersect(camera.rays(np.stack([u, line], axis=-1)))
-
-    def outside(u: Floats, line: Floats) -> Floats:
-        return shape(to_object(rig, point(u, line), angle))
-
-    # The laser stands where the sheet leans to: from that side of the picture, look inward.
     axis = camera.project(rig.T_camera_table.apply([0.0, 0.0, 0.0]))[0]
     lit_from = camera.width - 1.0 if _leans_right(rig, sheet) else 0.0
     far = 2 * axis - lit_from
     u = np.linspace(lit_from, far, int(abs(far - lit_from)) + 2)
-    grid = np.broadcast_to(u, (n, len(u)))
-    rows = np.broadcast_to(v[:, None], grid.shape)
-    f = outside(grid, rows)
-    with np.errstate(invalid="ignore"):
-        entered = (f[:, :-1] > 0) & (f[:, 1:] <= 0)
-    first = entered.argmax(axis=1)
-    hit = entered.any(axis=1)
-    lo, hi = u[first[hit]], u[np.minimum(first[hit] + 1, len(u) - 1)]
-    for _ in range(_HALVINGS):
-        middle = (lo + hi) / 2
-        with np.errstate(invalid="ignore"):
-            out = outside(middle, v[hit]) > 0
-        lo, hi = np.where(out, middle, lo), np.where(out, hi, middle)
-    position = np.full(n, np.nan)
-    position[hit] = (lo + hi) / 2
-    with np.errstate(invalid="ignore"):
-        hit &= (position >= 0) & (position <= camera.width - 1)
-    hit[hit] = _seen(rig, shape, point(position[hit], v[hit]), angle)
-    position = np.where(hit, position, np.nan)
+    lines, columns = np.meshgrid(np.arange(camera.height), u, indexing="ij")
+    return u, rig.T_camera_table.inverse().apply(_point(rig, sheet, columns, lines))
+
+
+def _point(rig: Rig, sheet: LaserSheet, u: Floats, line: np.ndarray) -> Floats:
+    return sheet.intersect(rig.camera.rays(np.stack([u, line], axis=-1)))
+
+
+def _turned(points: Floats, angle: float) -> Floats:
+    """Points of the table frame in the object's, the table at an angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+
+
+def _stripe(position: Floats, sigma: float) -> Stripe:
+    hit = ~np.isnan(position)
     blank = np.where(hit, 1.0, np.nan)
     return Stripe(
         position,
@@ -134,16 +152,18 @@ def _leans_right(rig: Rig, sheet: LaserSheet) -> bool:
 
 
 def _seen(rig: Rig, shape: Shape, points: Floats, angle: float) -> np.ndarray:
-    """True where nothing of the shape stands between the camera and the point."""
+    """True where nothing of the shape stands between the camera and points of the table frame."""
+    eye, there = (_turned(X, angle) for X in (rig.T_camera_table.inverse().translation, points))
     part = np.linspace(0.3, 0.999, 200)[:, None, None]
-    with np.errstate(invalid="ignore"):
-        clear = shape(to_object(rig, part * points[None], angle)) > 0
-    return np.asarray(clear.all(axis=0))
+    return np.asarray((shape(eye + part * (there - eye)) > 0).all(axis=0))
 
 
 def sphere(radius: float, centre: tuple[float, float, float]) -> Shape:
     """A ball."""
-    return lambda P: np.linalg.norm(P - np.asarray(centre), axis=-1) - radius
+    x, y, z = centre
+    return lambda P: (
+        np.sqrt((P[..., 0] - x) ** 2 + (P[..., 1] - y) ** 2 + (P[..., 2] - z) ** 2) - radius
+    )
 
 
 def cylinder(radius: float, low: float, high: float) -> Shape:
@@ -158,10 +178,12 @@ def cylinder(radius: float, low: float, high: float) -> Shape:
 
 def box(half: tuple[float, float, float], centre: tuple[float, float, float], turn: float) -> Shape:
     """A box of those half edges, turned by ``turn`` radians about the vertical."""
+    R = rotation_about([0, 0, 1], turn)
 
     def shape(P: Floats) -> Floats:
-        Q = (P - np.asarray(centre)) @ rotation_about([0, 0, 1], turn)
-        return np.asarray((np.abs(Q) - np.asarray(half)).max(axis=-1))
+        Q = (P - np.asarray(centre)) @ R
+        x, y, z = (np.abs(Q[..., k]) - half[k] for k in range(3))
+        return np.asarray(np.maximum(np.maximum(x, y), z))
 
     return shape
 
@@ -177,7 +199,7 @@ def torus(major: float, minor: float, height: float) -> Shape:
 
 def union(*shapes: Shape) -> Shape:
     """All of the shapes together."""
-    return lambda P: np.min([s(P) for s in shapes], axis=0)
+    return lambda P: reduce(np.minimum, (s(P) for s in shapes))
 
 
 def with_noise(stripes: list[Stripe], sigma: float, seed: int) -> list[Stripe]:

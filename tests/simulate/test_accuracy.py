@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.simulate.benches import bench, centres, lens, light, wall
+from turnscan.errors import InputError
 from turnscan.points import to_object, triangulate
 from turnscan.rig import design_preset
 from turnscan.simulate import Material, simulated
@@ -100,8 +101,10 @@ def test_the_verb_writes_pictures_for_import(tmp_path: Path) -> None:
 
 
 def test_bad_input_to_the_verb_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
-    import subprocess
-    import sys
+    from click.testing import CliRunner
+
+    from turnscan.cli import turnscan
+    from turnscan.cli._words import error_line
 
     empty = tmp_path / "empty.obj"
     empty.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
@@ -113,9 +116,10 @@ def test_bad_input_to_the_verb_is_one_line_and_writes_nothing(tmp_path: Path) ->
     ]
     for arguments, words in cases:
         out = tmp_path / "out.turnscan"
-        command = [sys.executable, "-m", "turnscan", "simulate", *arguments, "-o", str(out)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 2, done.stderr
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1
+        done = CliRunner().invoke(turnscan, ["simulate", *arguments, "-o", str(out)])
+        assert isinstance(done.exception, InputError)
+        assert done.exception.exit_code == 2
+        line = error_line(done.exception)
+        assert words in line
+        assert "\n" not in line.strip()
         assert not out.exists()

@@ -172,7 +172,8 @@ def test_every_key_of_an_address_arrives() -> None:
 
 def test_a_camera_that_lies_on_its_side_sees_the_same_turned_by_a_quarter() -> None:
     upright, lying = (
-        Renderer(simulated(f"sim:cup?speckle=no&lying={how}").world.bench) for how in ("no", "yes")
+        Renderer(simulated(f"sim:bracket?speckle=no&lying={how}").world.bench)
+        for how in ("no", "yes")
     )
     one, other = (r.electrons(0.3, {"right"}, 0.04) for r in (upright, lying))
     assert one.shape == (480, 640)
