@@ -48,19 +48,35 @@ def replaced(old: Sequence[str], new: Sequence[str], keys: int, order: Sequence[
     """The table ``new`` with the rows of ``old`` that it does not measure again.
 
     The first ``keys`` cells of a row say what it is of; ``order`` holds the first cells in the
-    order of the table. The first two lines of ``new`` are its head; lines that are no rows are not
-    kept. Old rows that have too few cells for the head were measured nobody knows when.
+    order of the table, and numbers among the others ascend. What is measured again keeps its place.
+    The first two lines of ``new`` are its head; lines that are no rows are not kept. Old rows that
+    have too few cells for the head were measured nobody knows when.
     """
-    head, rows = list(new[:2]), [line for line in new[2:] if line.startswith("|")]
-    width = len(cells(head[0]))
-    fresh = {tuple(cells(row)[:keys]) for row in rows}
+    head, fresh = list(new[:2]), dict[tuple[str, ...], list[str]]()
+    for row in (line for line in new[2:] if line.startswith("|")):
+        fresh.setdefault(tuple(cells(row)[:keys]), []).append(row)
+    width, rows, again = len(cells(head[0])), list[str](), dict(fresh)
     for row in [line for line in old if line.startswith("|")][2:]:
         have = cells(row)
-        if tuple(have[:keys]) not in fresh:
-            have += [""] * (width - 1 - len(have)) + [UNKNOWN] * (len(have) < width)
-            rows.append("| " + " | ".join(have) + " |")
+        if (of := tuple(have[:keys])) in fresh:
+            rows += again.pop(of, [])
+            continue
+        have += [""] * (width - 1 - len(have)) + [UNKNOWN] * (len(have) < width)
+        rows.append("| " + " | ".join(have) + " |")
+    rows += [row for some in again.values() for row in some]
     place = {name: k for k, name in enumerate(order)}
-    return [*head, *sorted(rows, key=lambda row: place.get(cells(row)[0], len(place)))]
+
+    def before(row: str) -> tuple[int, list[float]]:
+        first, *others = cells(row)[:keys]
+        return place.get(first, len(place)), [float(c) for c in others if c.isdecimal()]
+
+    return [*head, *sorted(rows, key=before)]
+
+
+def put(page: Path, name: str, new: Sequence[str], keys: int, order: Sequence[str]) -> None:
+    """Put the rows of a table ``new`` on a page, those that stand there and are not among them
+    kept, as `replaced` does. A command that ends early has then written what it measured."""
+    write(page, name, replaced(figures(page, name), new, keys, order))
 
 
 def write(page: Path, name: str, lines: Sequence[str]) -> None:

@@ -1,13 +1,14 @@
 """Points and merged surfaces of shapes that no rule was made with, against the shapes themselves.
 
 ``python -m bench foreign`` scans 20 random shapes (displaced balls, twisted prisms, parts put
-together of boxes, cylinders and balls; all drawn by seeds used nowhere else) and the parts of
-other people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160
-steps, the rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts the
-table into docs/explain/accuracy.md. ``python -m bench.foreign --keep FOLDER`` keeps the simulated
-scans there and finds them again, ``--only KIND …`` takes these random shapes alone, ``--each 2``
-the first two of each kind and no parts of other people, ``--seeds 203 212`` those of each kind,
-also such as are drawn for nothing else, ``--rigs`` and ``--steps`` some of those.
+together of boxes, cylinders and balls; all drawn by seeds used nowhere else) and the parts of other
+people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160 steps, the
+rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts each row into
+docs/explain/accuracy.md as it is measured, with its commit; the others stay. ``python -m
+bench.foreign --keep FOLDER`` keeps the simulated scans there and finds them again, ``--only KIND
+…`` takes these random shapes alone, ``--each 2`` the first two of each kind and no parts of other
+people, ``--seeds 203 212`` those of each kind, also such as are drawn for nothing else, ``--rigs``
+and ``--steps`` some of those.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 from bench import _hole_truth as truth
 from bench import _keep, _page
 from bench._cause_scenes import FORMS
+from bench._page import MEASURED
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
 from turnscan import shapes
 from turnscan.arrays import Floats
@@ -50,8 +52,9 @@ SHAPES = (
 RIGS, STEPS = ("paper", "modern"), (60, 160)
 HEAD = (
     "| shape, rig | steps | points | beyond 3 σ % | beyond 6 σ + half | rms / σ "
-    "| merged | beyond 3 σ % | beyond 6 σ + half | rms / σ | worst mm | complete % |",
-    "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    "| merged | beyond 3 σ % | beyond 6 σ + half | rms / σ | worst mm | complete % "
+    f"| {MEASURED} |",
+    "|" + "---|" * 13,
 )
 
 
@@ -234,18 +237,19 @@ def run(
     rigs: Sequence[str] = RIGS,
     steps: Sequence[int] = STEPS,
 ) -> None:
-    """Print every row as it is measured, and what they come to."""
+    """Print every row as it is measured, put it into the page, and print what they come to."""
+    order = [f"{name} {seed}, {rig}" for rig in RIGS for name, seed in SHAPES]
     print("\n".join(HEAD))
     found = list[Row]()
     with _keep.folder(keep) as folder:
         rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (rigs, steps)
         for one in rows(rigs, steps, folder, only, seeds):
-            print(one.line(), flush=True)
+            lines = _page.measured([one.line()], "rig known")
+            print(lines[0], flush=True)
             found.append(one)
+            if into_pages:
+                _page.put(_page.ACCURACY, "foreign", [*HEAD, *lines], 2, order)
     print(said(found))
-    if into_pages:
-        lines = [*HEAD, *(r.line() for r in found), "", said(found)]
-        _page.write(_page.ACCURACY, "foreign", lines)
 
 
 def main() -> None:

@@ -2,11 +2,11 @@
 
 ``python -m bench truth`` scans every part on both rigs, with one line and two, in coarse and in
 fine steps, merges it every way; ``--quick`` takes the paper rig with 60 steps alone. ``--write``
-puts the rows into docs/explain/accuracy.md, each with its commit; those of what was not measured
-again stay. ``python -m bench.truth --keep FOLDER`` keeps the simulated scans there and finds them
-again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--steps 24 60`` take some of those
-alone. ``--calibrated`` measures with a rig calibrated from pictures of a board, lays the surface
-onto the part (`bench._laid`), and adds to sigma what the calibration says of itself.
+puts each row into docs/explain/accuracy.md as it is measured, with its commit; those of what was
+not measured again stay. ``python -m bench.truth --keep FOLDER`` keeps the simulated scans there and
+finds them again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--steps 24 60`` take some
+of those alone. ``--calibrated`` measures with a rig calibrated from pictures of a board, lays the
+surface onto the part (`bench._laid`), and adds to sigma what the calibration says of itself.
 """
 
 from __future__ import annotations
@@ -162,19 +162,16 @@ def run(
     lasers: Sequence[int] = LASERS,
     steps: Sequence[int] = STEPS,
 ) -> None:
-    """Print every row as it is measured."""
-    lines = list[str]()
+    """Print every row as it is measured, and put it into the page."""
+    order = [f"{part}, {rig}{more}" for rig in RIGS for part in PARTS for more in KNOWN]
     with _keep.folder(keep) as folder:
         rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
         print("\n".join(HEAD))
         for one in rows(parts, rigs, lasers, steps, folder, calibrated):
-            lines += _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
-            print(lines[-1], flush=True)
-    if into_pages:
-        old = _page.figures(_page.ACCURACY, "truth")
-        order = [f"{part}, {rig}{more}" for rig in RIGS for part in PARTS for more in KNOWN]
-        table = _page.replaced(old, [*HEAD, *lines], 4, order)
-        _page.write(_page.ACCURACY, "truth", table)
+            lines = _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
+            print(lines[0], flush=True)
+            if into_pages:
+                _page.put(_page.ACCURACY, "truth", [*HEAD, *lines], 4, order)
 
 
 def main() -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from bench import _page, shapes, solids
+from bench import _page, foreign, shapes, solids, truth
 from bench._commit import commit_of_code
 
 PAGE = """# Page
@@ -52,10 +53,58 @@ def test_rows_of_a_scan_are_told_by_two_cells(page: Path) -> None:
     new = [*NEW, "| hexagon | boss | 25 | now |"]
     table = _page.replaced(_page.figures(page, "table"), new, 2, ())
     assert [_page.cells(row)[1:] for row in table[2:]] == [
-        ["boss", "25", "now"],
         ["flats", "40", "9 steps, abc"],
+        ["boss", "25", "now"],
         ["hub", "24", "9 steps, abc"],
     ]
+
+
+def test_rows_that_are_put_one_by_one_stand_in_their_order_and_keep_the_others(page: Path) -> None:
+    for row in ("| gear | hub | 24 | 1 |", "| shaft | 60 | 3 | 1 |", "| shaft | 24 | 2 | 1 |"):
+        _page.put(page, "table", [*NEW, row], 2, ("shaft", "hexagon", "gear"))
+    table = [_page.cells(row) for row in _page.figures(page, "table")]
+    assert [row[:2] + row[3:] for row in table] == [
+        ["part", "size", "measured"], ["---", "---", "---"],
+        ["shaft", "24", "1"], ["shaft", "60", "1"],
+        ["hexagon", "flats", "9 steps, abc"], ["hexagon", "boss", "9 steps, abc"],
+        ["gear", "hub", "1"],
+    ]  # fmt: skip
+
+
+def test_the_tables_of_truth_and_foreign_shapes_are_written_row_by_row(
+    page: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A command that breaks off has written what it measured, and kept what it did not."""
+    monkeypatch.setattr(_page, "ACCURACY", page)
+
+    class Measured:
+        def __init__(self, *cells: str) -> None:
+            self.line = lambda: f"| {' | '.join(cells)} |"
+
+    def broken_off(*_: object) -> Iterator[Measured]:
+        yield Measured(*last.pop())
+        raise KeyboardInterrupt
+
+    for bench, name, head, rows in (
+        (
+            truth,
+            "truth",
+            truth.HEAD,
+            [["gear, paper", "1", "60", "paste"], ["mug, paper", "1", "60", "grid"]],
+        ),
+        (foreign, "foreign", foreign.HEAD, [["b, paper", "60"], ["a, paper", "60"]]),
+    ):
+        width = len(_page.cells(head[0]))
+        blank = [[*row, *["0"] * (width - 1 - len(row))] for row in rows]
+        page.write_text(f"<!-- figures: {name} -->\n<!-- end -->\n")
+        last = list(blank)
+        monkeypatch.setattr(bench, "rows", broken_off)
+        for _ in rows:
+            with pytest.raises(KeyboardInterrupt):
+                bench.run(into_pages=True)
+        written = [_page.cells(line) for line in _page.figures(page, name)[2:]]
+        assert sorted(row[:-1] for row in written) == sorted(blank)
+        assert all("rig known" in row[-1] for row in written)
 
 
 def test_rows_from_before_the_column_are_of_nobody_knows_when(page: Path) -> None:
