@@ -12,8 +12,9 @@ from turnscan.arrays import Floats
 from turnscan.calibrate import Balls
 from turnscan.calibrate._bodies_found import find_body
 from turnscan.calibrate._gaps import network_of
+from turnscan.calibrate._point_slopes import point_slopes, ray_slopes
 from turnscan.calibrate._surfaces import SurfaceNetwork, Surfaces
-from turnscan.rig import TableMotion
+from turnscan.rig import Pose, TableMotion, rotation_from_vector
 
 STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
 
@@ -73,3 +74,39 @@ def test_noise_pulls_the_rig_nowhere() -> None:
     assert np.count_nonzero(says) >= 10
     assert value[says][0] < 1.0
     assert np.abs((direction.T @ pull)[says] / np.sqrt(value[says])).max() < 6.0
+
+
+def test_points_move_as_their_slopes_say() -> None:
+    """A bent sheet, a table with errors of its own, a tilted second pose, a lens that moves."""
+    rig, dice = two_lasers(), np.random.default_rng(4)
+    camera = replace(rig.camera, distortion=np.array([-0.1, 0.05, 1e-3, -2e-3, 0.01]))
+    sheets = tuple(replace(s, bow=1e-4 * dice.standard_normal(3)) for s in rig.sheets)
+    motion = TableMotion(0.1 * dice.standard_normal((2, 2)), 0.3, -0.02)
+    rig = replace(rig, camera=camera, sheets=sheets, motion=motion)
+    lies = Pose(rotation_from_vector([0.4, -0.7, 0.2]), np.array([3.0, -8.0, 5.0]))
+    told = np.concatenate([STEPS[:9], STEPS[:9][::-1]])
+    sweep = both(rig, sphere((9.0, 3.0, 22.0), 18.0), told, told, 1, every=30)[1]
+    sweep = replace(sweep, pose=1)
+    p = len(rig.parameter_names)
+    names = (*rig.parameter_names, *motion.names, *"abcxyz")
+    columns = np.array([k for k in range(len(names)) if k % 7 != 3])
+
+    def at(delta: Floats) -> Floats:
+        values = motion.values + delta[p:-6]
+        now = replace(rig.perturbed(delta[:p]), motion=TableMotion.of(values))
+        turn = lies.rotation @ rotation_from_vector(delta[-6:-3])
+        pose = Pose(turn, lies.translation + delta[-3:])
+        return pose.apply(sweep.points(now, now.camera.rays(sweep.pixels)))
+
+    rays, lens = rig.camera.rays(sweep.pixels), columns[columns < 11]
+    slopes = point_slopes(
+        sweep, rig, (lies,), rays, ray_slopes(rig.camera, sweep.pixels, lens), columns
+    )
+    assert len(sweep.pixels) > 50
+    for j, k in enumerate(columns):
+        h = np.zeros(len(names))
+        h[k] = 0.1 if k < 4 else 1e-4 if k < 11 else 1e-6
+        change = (at(h) - at(-h)) / (2 * h[k])
+        assert slopes[:, j] == pytest.approx(
+            change, rel=1e-4, abs=1e-4 * np.abs(change).max() + 1e-8
+        )

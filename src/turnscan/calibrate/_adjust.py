@@ -9,10 +9,12 @@ modern synthesis (2000); Förstner & Wrobel, Photogrammetric computer vision (20
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Generic
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._normal import (
@@ -93,14 +95,14 @@ def adjust(
     blocks = network.blocks(state)
     scales = dict.fromkeys((b.kind for b in blocks), 1.0)
     if near is None:
-        state, blocks = _minimise(network, state, free, scales, huber=None, rough=told)
+        state, blocks = _minimise(network, (state, blocks), free, scales, None, rough=told)
     else:
         scales |= {k: v for k, v in near.scales.items() if k in scales}
     for _ in range(0 if told else _SCALE_ROUNDS):
         before = dict(scales)
         system = build(network, blocks, free, scales, HUBER if robust else None, 0.0)
         scales, _ = _scales(network, blocks, system, free, scales, robust)
-        state, blocks = _minimise(network, state, free, scales, HUBER if robust else None)
+        state, blocks = _minimise(network, (state, blocks), free, scales, HUBER if robust else None)
         if all(abs(scales[k] / before[k] - 1) < 0.02 for k in scales):
             break
     return _finish(network, state, blocks, free, scales, robust)
@@ -108,15 +110,16 @@ def adjust(
 
 def _minimise(
     network: Network[State],
-    state: State,
+    begin: tuple[State, list[Block]],
     free: Bools,
     scales: dict[str, float],
     huber: float | None,
     rough: bool = False,
 ) -> tuple[State, list[Block]]:
-    """The state of least cost; ``rough``: one near it, as it is only to begin with."""
+    """The state of least cost; ``rough``: one near it, as it is only to begin with. Each state
+    comes with its blocks."""
     damping = 1e-4
-    blocks = network.blocks(state)
+    state, blocks = begin
     for _ in range(_ROUNDS):
         system = build(network, blocks, free, scales, huber, damping)
         common, own = step(network, system, free)
@@ -252,6 +255,18 @@ def _widened(
     return inverse_of((system.reduced - before) / widen + before, free_name(network, free))
 
 
+def _rows_by_view(block: Block) -> Iterator[tuple[int, npt.NDArray[np.intp] | slice]]:
+    """Each view that a block is of, and its rows."""
+    if block.views is None:
+        yield block.view, slice(None)
+        return
+    order = np.argsort(block.views, kind="stable")
+    cuts = np.flatnonzero(np.diff(block.views[order])) + 1
+    for rows in np.split(order, cuts):
+        if len(rows):
+            yield int(block.views[rows[0]]), rows
+
+
 def _view_factor(
     network: Network[State],
     blocks: list[Block],
@@ -278,13 +293,15 @@ def _view_factor(
     parts: dict[int, Floats] = {}
     prior = False
     for b in blocks:
-        if b.kind.startswith("prior") or b.view < 0:
+        if b.kind.startswith("prior") or (b.view < 0 and b.views is None):
             prior = True
             continue
         w = weight(b, scales, huber)
         A = shared_columns(network, b, system, free)
-        pulls[b.view] = pulls.get(b.view, np.zeros(p)) + A.T @ (w * b.residual)
-        parts[b.view] = parts.get(b.view, np.zeros((p, p))) + (A.T * w) @ A
+        for view, rows in _rows_by_view(b):
+            mine = A[rows].T * w[rows]
+            pulls[view] = pulls.get(view, np.zeros(p)) + mine @ b.residual[rows]
+            parts[view] = parts.get(view, np.zeros((p, p))) + mine @ A[rows]
     G = np.array(list(pulls.values()))
     levers = [C @ H for H in parts.values()]
     if prior or len(pulls) < p + 5:

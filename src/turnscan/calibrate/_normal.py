@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import Degenerate
 
 _SINGULAR = 1e-12
@@ -36,6 +36,9 @@ class Block:
     """(m, p) derivative of the prediction by the shared parameters."""
     own: Floats
     """(m, q) derivative of the prediction by the view's own parameters."""
+    views: Ints | None = None
+    """(m,) which view each row is of, where they are of several without parameters of their own;
+    `view` is -1 then."""
 
 
 class Network(Protocol[State]):

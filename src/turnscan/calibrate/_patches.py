@@ -39,10 +39,21 @@ class Patches:
     """(m, 3)."""
 
     def gaps(self, asked: Floats, others: Floats) -> Floats:
-        """(m,) mm along the normals, of points (n, 3) above the other surface's points."""
-        under = np.einsum("mk,mki->mi", self.weights, others[self.near])
-        gaps: Floats = np.einsum("mi,mi->m", self.normal, asked[self.query] - under)
+        """(m, …) mm along the normals, of points (n, …, 3) above the other surface's points; or
+        of slopes of both."""
+        off = asked[self.query] - self._under(others)
+        gaps: Floats = np.einsum("mi,m...i->m...", self.normal, off)
         return gaps
+
+    def _under(self, others: Floats) -> Floats:
+        """(m, …, 3): the surface under each point."""
+        from scipy.sparse import csr_array
+
+        m, k = self.near.shape
+        begin = np.arange(m + 1) * k
+        rows = csr_array((self.weights.ravel(), self.near.ravel(), begin), shape=(m, len(others)))
+        under: Floats = rows @ others.reshape(len(others), -1)
+        return under.reshape(m, *others.shape[1:])
 
 
 def patches_under(asked: Floats, others: Floats, noise: Floats, reach: float) -> Patches:

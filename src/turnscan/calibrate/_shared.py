@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import HUBER, Fit
 from turnscan.calibrate._normal import Block, free_name, inverse_of, weight
 from turnscan.calibrate._surfaces import SurfaceNetwork, Surfaces, body_kind
@@ -34,20 +35,16 @@ def with_shared_noise(network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools) 
             normal += (A * weight(b, fit.scales, HUBER)[:, None]).T @ A
     pulls = [np.zeros((len(s.pixels), p)) for s in network.sweeps]
     for pair in network.pairs:
-        order = _order(network.sweeps[pair.asked].step[pair.patches.query])
-        pull = _pulls(fit, rows[pair.kind], free) / pair.sigma[order, None]
-        np.add.at(pulls[pair.asked], pair.patches.query[order], pull * pair.by_own[order, None])
-        for k in range(pair.by_others.shape[1]):
-            theirs = pull * pair.by_others[order, k, None]
-            np.add.at(pulls[pair.others], pair.patches.near[order, k], theirs)
+        pull = _pulls(fit, rows[pair.kind], free) / pair.sigma[:, None]
+        _add(pulls[pair.asked], pair.patches.query, pull * pair.by_own[:, None])
+        for near, by in zip(pair.patches.near.T, pair.by_others.T, strict=True):
+            _add(pulls[pair.others], near, pull * by[:, None])
     for k, body in enumerate(fit.state.bodies):
         mine, at = _pulls(fit, rows[body_kind(k)], free), 0
         for i, which in enumerate(body.points):
-            order = _order(network.sweeps[i].step[which])
-            own = mine[at : at + len(which)]
+            by = network.body_noise[k][i] / network.body_scale[k][i].sigma
+            _add(pulls[i], which, mine[at : at + len(which)] * by[:, None])
             at += len(which)
-            by = network.body_noise[k][i][order] / network.body_scale[k][i].sigma[order]
-            np.add.at(pulls[i], which[order], own * by[:, None])
     shared = sum((g.T @ g for g in pulls), np.zeros((p, p)))
     back = inverse_of(normal + before, free_name(network, free))
     covariance = np.zeros_like(fit.covariance)
@@ -56,9 +53,13 @@ def with_shared_noise(network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools) 
     return replace(fit, covariance=covariance)
 
 
-def _order(step: Ints) -> Ints:
-    """The order in which the rows of a kind stand in its blocks."""
-    return np.argsort(step, kind="stable").astype(np.int32)
+def _add(sums: Floats, place: npt.NDArray[np.intp], what: Floats) -> None:
+    """Add rows (m, p) to the rows of ``sums`` (n, p) that stand at ``place`` (m,), some of which
+    come more than once."""
+    from scipy.sparse import csr_array
+
+    m = len(place)
+    sums += csr_array((np.ones(m), place, np.arange(m + 1)), shape=(m, len(sums))).T @ what
 
 
 def _pulls(fit: Fit[Surfaces], blocks: list[Block], free: Bools) -> Floats:

@@ -13,6 +13,7 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.calibrate._bodies import Body
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._patches import Patches
+from turnscan.calibrate._point_slopes import point_slopes, ray_slopes
 from turnscan.calibrate._prior import RigPrior, moved_by
 from turnscan.calibrate._residuals import CAMERA_SIZE
 from turnscan.calibrate._sweeps import NUDGE_PX, Sweep
@@ -32,7 +33,6 @@ _LEAST_SIGMA = 0.2
 _MOVES = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 _NEAR_TURN, _NEAR_SHIFT = 0.2, 20.0
 """rad and mm: how far the part may be turned and shifted at most from where a step begins."""
-_NUDGE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -73,11 +73,12 @@ class Scale:
         """In another state, in which the scene is ``size`` times as large."""
         return Scale(own, size * self.least, size * self.coarse)
 
-    def change(self, own: Floats, size: float) -> Floats:
-        """(m,) by which `sigma` changes, where noise changes by ``own`` and the size by ``size``
-        times itself."""
-        noise = np.where(self.own > self.least, self.own * own, self.least**2 * size)
-        out: Floats = (noise + self.coarse**2 * size) / self.sigma
+    def change(self, own: Floats, size: Floats) -> Floats:
+        """(m, k) by which `sigma` changes, where noise changes by ``own`` (m, k) and the size by
+        ``size`` (k,) times itself."""
+        mine = self.own[:, None]
+        noise = np.where(mine > self.least, mine * own, self.least**2 * size)
+        out: Floats = (noise + self.coarse**2 * size) / self.sigma[:, None]
         return out
 
 
@@ -111,12 +112,12 @@ class Pair:
         return f"surface {self.asked} on {self.others}"
 
     def noise(self, by: Sequence[Floats]) -> tuple[Floats, Floats]:
-        """(m,) and (m,) mm: what moving the points of each sweep by (n, 3) mm makes of the gaps, by
-        those asked, and by all of the patch, which move as its nearest does."""
+        """(m, …) mm each: what moving the points of each sweep by (n, …, 3) mm makes of the gaps,
+        by those asked, and by all of the patch, which move as its nearest does."""
         p = self.patches
-        own = np.einsum("mi,mi->m", p.normal, by[self.asked][p.query])
-        nearest = np.einsum("mi,mi->m", p.normal, by[self.others][p.near[:, 0]])
-        return own, nearest * self.spread
+        own = np.einsum("mi,m...i->m...", p.normal, by[self.asked][p.query])
+        nearest = np.einsum("mi,m...i->m...", p.normal, by[self.others][p.near[:, 0]])
+        return own, (nearest.T * self.spread).T
 
     @cached_property
     def spread(self) -> Floats:
@@ -137,21 +138,13 @@ def pair_of(
 
 
 @dataclass(frozen=True)
-class _Rays:
-    """Of all sweeps' pixels, and of places `NUDGE_PX` beside them."""
-
-    at: list[Floats]
-    beside: list[Floats]
-
-
-@dataclass(frozen=True)
 class _Seen:
     """Points of all sweeps (n, 3) mm, what one standard deviation of noise moves them by, mm, and
-    how large the scene is; or how these change with a parameter."""
+    how large the scene is; or how these change with k parameters: (n, k, 3) and (k,)."""
 
     at: list[Floats]
     noise: list[Floats]
-    size: float
+    size: Floats
 
 
 @dataclass(frozen=True)
@@ -226,25 +219,23 @@ class SurfaceNetwork:
 
     def places(self, state: Surfaces) -> list[Floats]:
         """The points (n, 3) of every sweep, mm in the object's frame of the first pose."""
-        return self._places(state, [state.rig.camera.rays(s.pixels) for s in self.sweeps])
-
-    def _places(self, state: Surfaces, rays: list[Floats]) -> list[Floats]:
         laid = (Pose(), *state.poses)
         return [
-            laid[s.pose].apply(s.points(state.rig, r))
-            for s, r in zip(self.sweeps, rays, strict=True)
+            laid[s.pose].apply(s.points(state.rig, rays[0]))
+            for s, rays in zip(self.sweeps, self._rays(state.rig), strict=True)
         ]
 
     def noise(self, state: Surfaces) -> list[Floats]:
         """(n, 3) mm per sweep: how one standard deviation of the stripe moves each point."""
         return self._seen(state).noise
 
-    def _rays(self, rig: Rig) -> _Rays:
-        """Of all pixels; those of a camera that does not move are found once."""
+    def _rays(self, rig: Rig) -> list[Floats]:
+        """(2, n, 3) per sweep, of its pixels and of places `NUDGE_PX` beside them; those of a
+        camera that does not move are found once."""
         return _rays_of(rig, self.sweeps) if self.active[:CAMERA_SIZE].any() else self._still
 
     @cached_property
-    def _still(self) -> _Rays:
+    def _still(self) -> list[Floats]:
         return _rays_of(self.state.rig, self.sweeps)
 
     def blocks(self, state: Surfaces) -> list[Block]:
@@ -256,30 +247,24 @@ class SurfaceNetwork:
         """
         seen = self._seen(state)
         slopes = self._slopes(state)
-        size = self._size(state)
+        size = float(seen.size)
         columns = np.flatnonzero(self.active[: self._own])
         out = []
         for pair in self.pairs:
             own, under = pair.noise(seen.noise)
             scale = pair.scale.now(np.hypot(own, under), size)
             gaps = pair.patches.gaps(seen.at[pair.asked], seen.at[pair.others])
+            by = pair.patches.gaps(slopes.at[pair.asked], slopes.at[pair.others])
+            mine, theirs = pair.noise(slopes.noise)
+            noise = own[:, None] * mine + under[:, None] * theirs
+            wider = scale.change(noise / np.maximum(scale.own, 1e-300)[:, None], slopes.size)
             common = self._zeros(len(gaps))
-            for column, slope in zip(columns, slopes, strict=True):
-                by = pair.patches.gaps(slope.at[pair.asked], slope.at[pair.others])
-                mine, theirs = pair.noise(slope.noise)
-                noise = (own * mine + under * theirs) / np.maximum(scale.own, 1e-300)
-                wider = scale.change(noise, slope.size) / scale.sigma
-                common[:, column] = (by - gaps * wider) / scale.sigma
+            common[:, columns] = _in_sigmas(by, gaps, wider, scale)
             step = self.sweeps[pair.asked].step[pair.patches.query]
-            out += self._by_step(pair.asked, step, pair.kind, -gaps / scale.sigma, common)
+            out.append(self._block(pair.asked, step, pair.kind, -gaps / scale.sigma, common))
         for k, body in enumerate(state.bodies):
-            out += self._on_body(k, body, seen, slopes, size)
+            out += self._on_body(k, body, seen, slopes)
         return out + self._priors(state)
-
-    def _size(self, state: Surfaces) -> float:
-        """How large the scene is, relative to where the network began."""
-        before = np.linalg.norm(self.state.rig.T_camera_table.translation)
-        return float(np.linalg.norm(state.rig.T_camera_table.translation) / before)
 
     @cached_property
     def _own(self) -> int:
@@ -290,68 +275,63 @@ class SurfaceNetwork:
     def _zeros(self, rows: int) -> Floats:
         return np.zeros((rows, len(self.names)))
 
-    def _seen(self, state: Surfaces, rays: _Rays | None = None) -> _Seen:
+    def _seen(self, state: Surfaces) -> _Seen:
         """All points, and what one standard deviation of their stripes' noise moves them by."""
-        rays = self._rays(state.rig) if rays is None else rays
-        at, beside = self._places(state, rays.at), self._places(state, rays.beside)
-        noise = [
-            (b - a) * (sweep.sigma / NUDGE_PX)[:, None]
-            for a, b, sweep in zip(at, beside, self.sweeps, strict=True)
-        ]
-        return _Seen(at, noise, self._size(state))
+        laid = (Pose(), *state.poses)
+        at, noise = list[Floats](), list[Floats]()
+        for sweep, rays in zip(self.sweeps, self._rays(state.rig), strict=True):
+            ends = laid[sweep.pose].apply(sweep.points(state.rig, rays))
+            at.append(ends[0])
+            noise.append(self._per_sigma(sweep, ends))
+        before = np.linalg.norm(self.state.rig.T_camera_table.translation)
+        return _Seen(at, noise, np.linalg.norm(state.rig.T_camera_table.translation) / before)
 
-    def _slopes(self, state: Surfaces) -> list[_Seen]:
-        """How points, their noise and the scene's size (relative to itself) change with each active
-        parameter of rig, motion and poses."""
+    @staticmethod
+    def _per_sigma(sweep: Sweep, ends: Floats) -> Floats:
+        """What one standard deviation of noise makes of points (or slopes) and those beside."""
+        share = sweep.sigma / NUDGE_PX
+        off: Floats = (ends[1] - ends[0]) * share.reshape(-1, *(1,) * (ends[0].ndim - 1))
+        return off
+
+    def _slopes(self, state: Surfaces) -> _Seen:
+        """How points, their noise and the scene's size (relative to itself) change with the active
+        parameters of rig, motion and poses."""
         rig = state.rig
-        rays = self._rays(rig)
-        out = []
-        for k in np.flatnonzero(self.active[: self._own]):
-            h = _NUDGE * (rig.camera.fx if k < 4 else 1.0)
-            ends = []
-            for sign in (h, -h):
-                delta = np.zeros(self._own)
-                delta[k] = sign
-                moved = self._nudged(state, delta)
-                ends.append(self._seen(moved, None if k < CAMERA_SIZE else rays))
-            (a, b), twice = ends, 2 * h
-            at, noise = (
-                [(x - y) / twice for x, y in zip(p, q, strict=True)]
-                for p, q in ((a.at, b.at), (a.noise, b.noise))
-            )
-            out.append(_Seen(at, noise, (a.size - b.size) / (twice * self._size(state))))
-        return out
+        columns = np.flatnonzero(self.active[: self._own])
+        lens = columns[columns < CAMERA_SIZE]
+        at, noise = list[Floats](), list[Floats]()
+        for sweep, rays in zip(self.sweeps, self._rays(rig), strict=True):
+            by_lens = ray_slopes(rig.camera, _beside(sweep).reshape(-1, 2), lens)
+            both = point_slopes(sweep, rig, state.poses, rays.reshape(-1, 3), by_lens, columns)
+            ends = both.reshape(2, len(sweep.pixels), *both.shape[1:])
+            at.append(ends[0])
+            noise.append(self._per_sigma(sweep, ends))
+        T = rig.T_camera_table.translation
+        sizes = np.zeros(self._own)
+        p = len(rig.parameter_names)
+        sizes[p - 3 : p] = T / (T @ T)
+        return _Seen(at, noise, sizes[columns])
 
-    def _by_step(
-        self, sweep: int, step: Ints, kind: str, residual: Floats, common: Floats
-    ) -> list[Block]:
-        out = []
-        order = np.argsort(step, kind="stable")
-        cuts = np.flatnonzero(np.diff(step[order])) + 1
-        for rows in np.split(order, cuts):
-            if len(rows):
-                view = int(self._first[sweep] + step[rows[0]])
-                none = np.zeros((len(rows), 0))
-                out.append(Block(view, kind, residual[rows], common[rows], none))
-        return out
+    def _block(self, sweep: int, step: Ints, kind: str, residual: Floats, common: Floats) -> Block:
+        none = np.zeros((len(residual), 0))
+        return Block(-1, kind, residual, common, none, self._first[sweep] + step)
 
-    def _on_body(
-        self, k: int, body: Body, seen: _Seen, slopes: list[_Seen], size: float
-    ) -> list[Block]:
+    def _on_body(self, k: int, body: Body, seen: _Seen, slopes: _Seen) -> list[Block]:
         out, columns = [], self._columns[k]
+        active = np.flatnonzero(self.active[: self._own])
         for i, which in enumerate(body.points):
             away, unit, by = body.distance(seen.at[i][which])
             own = np.einsum("mi,mi->m", unit, seen.noise[i][which])
-            scale = self.body_scale[k][i].now(np.abs(own), size)
+            scale = self.body_scale[k][i].now(np.abs(own), float(seen.size))
+            slope, noise = (
+                np.einsum("mi,mki->mk", unit, s[i][which]) for s in (slopes.at, slopes.noise)
+            )
+            wider = scale.change(np.sign(own)[:, None] * noise, slopes.size)
             common = self._zeros(len(which))
-            for c, s in zip(np.flatnonzero(self.active[: self._own]), slopes, strict=True):
-                noise = np.sign(own) * np.einsum("mi,mi->m", unit, s.noise[i][which])
-                wider = scale.change(noise, s.size) / scale.sigma
-                common[:, c] = np.einsum("mi,mi->m", unit, s.at[i][which]) - away * wider
-            common[:, columns] = by
+            common[:, active] = _in_sigmas(slope, away, wider, scale)
+            common[:, columns] = by / scale.sigma[:, None]
             step = self.sweeps[i].step[which]
-            rows = common / scale.sigma[:, None]
-            out += self._by_step(i, step, body_kind(k), -away / scale.sigma, rows)
+            out.append(self._block(i, step, body_kind(k), -away / scale.sigma, common))
         last = columns.stop - len(body.sizes)
         for j, (size, known) in enumerate(zip(body.sizes, body.known, strict=True)):
             if known is not None:
@@ -393,11 +373,21 @@ class SurfaceNetwork:
         return out
 
 
-def _rays_of(rig: Rig, sweeps: Sequence[Sweep]) -> _Rays:
-    beside = [s.pixels + NUDGE_PX * np.eye(2)[s.across] for s in sweeps]
-    return _Rays(
-        [rig.camera.rays(s.pixels) for s in sweeps], [rig.camera.rays(px) for px in beside]
-    )
+def _beside(sweep: Sweep) -> Floats:
+    """(2, n, 2) px: the pixels of a sweep, and places beside them."""
+    return np.stack([sweep.pixels, sweep.pixels + NUDGE_PX * np.eye(2)[sweep.across]])
+
+
+def _rays_of(rig: Rig, sweeps: Sequence[Sweep]) -> list[Floats]:
+    return [rig.camera.rays(_beside(sweep)) for sweep in sweeps]
+
+
+def _in_sigmas(by: Floats, off: Floats, wider: Floats, scale: Scale) -> Floats:
+    """(m, k): derivative of ``off`` (m,) mm in standard deviations, where it and they change by
+    ``by`` and ``wider`` (m, k)."""
+    sigma = scale.sigma[:, None]
+    slopes: Floats = (by - off[:, None] * wider / sigma) / sigma
+    return slopes
 
 
 def body_kind(body: int) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._residuals import CAMERA_SIZE
-from turnscan.rig import Rig, rotation_z
+from turnscan.rig import Rig
 
 NUDGE_PX = 0.25
 """Beside a stripe, to see how its noise moves a point."""
@@ -49,14 +49,18 @@ class Sweep:
         object.__setattr__(self, "step", frozen(self.step, (n,), "Sweep.step", np.int32))
         object.__setattr__(self, "angles", frozen(self.angles, (None,), "Sweep.angles"))
 
+    def turned(self, rig: Rig) -> Floats:
+        """(s,) rad: where the table is in truth, by the rig's model of its errors."""
+        return rig.motion.angle(self.angles) if self.moved and rig.motion else self.angles
+
     def points(self, rig: Rig, rays: Floats) -> Floats:
-        """(n, 3) mm in the object's frame, as the part lay there."""
-        angles = self.angles
-        if self.moved and rig.motion is not None:
-            angles = rig.motion.angle(angles)
-        X = rig.T_camera_table.inverse().apply(rig.sheet(self.laser).intersect(rays))
-        points: Floats = np.einsum("nij,nj->ni", rotation_z(-angles)[self.step], X)
-        return points
+        """(n, 3) mm in the object's frame, as the part lay there; rays (n, 3), or several of each
+        pixel, (k, n, 3), for points (k, n, 3)."""
+        T, angles = rig.T_camera_table, self.turned(rig)
+        X = (rig.sheet(self.laser).intersect(rays) - T.translation) @ T.rotation
+        c, s = np.cos(angles)[self.step], np.sin(angles)[self.step]
+        x, y = X[..., 0], X[..., 1]
+        return np.stack([c * x + s * y, c * y - s * x, X[..., 2]], axis=-1)
 
     def doubt(self, rig: Rig) -> float:
         """How far, mm rms, the rig's uncertainty puts its points beside their places; 0 without."""

@@ -67,14 +67,25 @@ class TableMotion:
         c = np.asarray(commanded, dtype=np.float64)
         if self.covariance is None:
             return np.zeros(len(c))
-        sense, back, left = self._play(c)
-        play = sense * np.stack([left <= abs(self.start), back], axis=1)
-        slope = np.concatenate([self._waves(c), play], axis=1)
+        slope = self.slopes(c)
         # What turns all angles alike turns the part, and harms nothing.
         slope = slope - slope.mean(axis=0)
         variance = np.einsum("ni,ij,nj->n", slope, self.covariance, slope)
         sigma: Floats = np.sqrt(np.maximum(variance, 0.0))
         return sigma
+
+    def slopes(self, commanded: npt.ArrayLike) -> Floats:
+        """(n, p) derivative of `angle` by the parameters in `names`."""
+        c = np.asarray(commanded, dtype=np.float64)
+        sense, back, left = self._play(c)
+        play = np.copysign(np.maximum(abs(self.start) - left, 0.0), self.start)
+        waves = self._waves(c + sense * (play + self.backlash * back))
+        a, b = self.harmonics.T
+        orders = np.arange(1, len(a) + 1)
+        along = 1.0 + waves[:, ::2] @ (orders * b) - waves[:, 1::2] @ (orders * a)
+        taken = sense * np.stack([left <= abs(self.start), back], axis=1)
+        slopes: Floats = np.concatenate([waves, along[:, None] * taken], axis=1)
+        return slopes
 
     def _waves(self, p: Floats) -> Floats:
         orders = np.arange(1, len(self.harmonics) + 1)

@@ -1,0 +1,114 @@
+"""How the points of a sweep move with the parameters of rig, table motion and poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats
+from turnscan.calibrate._residuals import CAMERA_SIZE
+from turnscan.calibrate._sweeps import Sweep
+from turnscan.rig import Camera, LaserSheet, Pose, Rig
+
+_NUDGE = 1e-4
+"""Of the parameters of a lens, whose rays have no derivative in a formula; of the focal length, in
+terms of itself."""
+_SHEET = 6
+_AXES = np.eye(3)
+_CROSS = np.cross(_AXES[None, :], _AXES[:, None])
+"""(3, 3, 3): ``v @ _CROSS[k]`` is v × e_k."""
+
+Index = npt.NDArray[np.intp]
+
+
+def ray_slopes(camera: Camera, pixels: Floats, columns: Index) -> Floats:
+    """(n, k, 3): derivative of the pixels' rays by the camera's parameters ``columns`` (k,)."""
+    out = np.zeros((len(pixels), len(columns), 3))
+    still = Rig(camera, (), Pose())
+    for j, k in enumerate(columns):
+        delta = np.zeros(len(still.parameter_names))
+        delta[k] = _NUDGE * (camera.fx if k < 4 else 1.0)
+        ends = [still.perturbed(sign * delta).camera.rays(pixels) for sign in (1.0, -1.0)]
+        out[:, j] = (ends[0] - ends[1]) / (2 * delta[k])
+    return out
+
+
+def point_slopes(
+    sweep: Sweep, rig: Rig, poses: tuple[Pose, ...], rays: Floats, lens: Floats, columns: Index
+) -> Floats:
+    """(m, k, 3) mm: derivative of the points that ``rays`` (m, 3) lead to; m is n, or a multiple of
+    it where each pixel has several rays, one set after the other.
+
+    ``columns`` (k,) are the wanted parameters, in ascending order: the rig's, those of its motion,
+    and turn and shift of each pose. ``lens`` (m, c, 3) is the derivative of the rays by the first
+    c of them, which are the camera's. Points and poses as in `turnscan.calibrate._surfaces`.
+    """
+    assert rig.motion is not None
+    p, q = len(rig.parameter_names), len(rig.motion.names)
+    T, sheet = rig.T_camera_table, rig.sheet(sweep.laser)
+    X = sheet.intersect(rays)
+    out = np.zeros((len(rays), len(columns), 3))
+    steep = np.einsum("ni,ni->n", sheet.gradient(X), rays)
+    c = lens.shape[1]
+    if c:
+        # X = s·ray stays on the sheet: what leads off it is taken back along the ray.
+        moved = (X[:, 2] / rays[:, 2])[:, None, None] * lens
+        off = np.einsum("ni,nki->nk", sheet.gradient(X), moved) / steep[:, None]
+        out[:, :c] = moved - off[:, :, None] * rays[:, None, :]
+    first = CAMERA_SIZE + _SHEET * rig.sheets.index(sheet)
+    mine = np.flatnonzero((columns >= first) & (columns < first + _SHEET))
+    if len(mine):
+        by = _sheet_slopes(sheet, X)[:, columns[mine] - first] / steep[:, None]
+        out[:, mine] = -by[:, :, None] * rays[:, None, :]
+    arm = X - T.translation
+    for j in np.flatnonzero((columns >= p - 6) & (columns < p)):
+        axis = (columns[j] - p) % 3
+        out[:, j] = arm @ _CROSS[axis] if columns[j] < p - 3 else -_AXES[axis]
+    step = np.tile(sweep.step, len(rays) // max(len(sweep.step), 1))
+    angle = sweep.turned(rig)[step]
+    back = _turned_back(out @ T.rotation, angle)
+    at = _turned_back((arm @ T.rotation)[:, None], angle)[:, 0]
+    inner = np.flatnonzero((columns >= p) & (columns < p + q))
+    if len(inner) and sweep.moved:
+        by = rig.motion.slopes(sweep.angles)[:, columns[inner] - p][step]
+        back[:, inner] = by[:, :, None] * np.stack([at[:, 1], -at[:, 0], 0 * at[:, 2]], 1)[:, None]
+    return _laid(sweep, poses, at, back, columns - p - q)
+
+
+def _laid(sweep: Sweep, poses: tuple[Pose, ...], at: Floats, by: Floats, columns: Index) -> Floats:
+    """The slopes in the first pose's frame, with those of the sweep's own pose."""
+    if not sweep.pose:
+        return by
+    first = 6 * (sweep.pose - 1)
+    turns, shifts = (np.flatnonzero((columns >= k) & (columns < k + 3)) for k in (first, first + 3))
+    for j in turns:
+        by[:, j] = -at @ _CROSS[columns[j] - first]
+    laid: Floats = by @ poses[sweep.pose - 1].rotation.T
+    for j in shifts:
+        laid[:, j] = _AXES[columns[j] - first - 3]
+    return laid
+
+
+def _turned_back(directions: Floats, angle: Floats) -> Floats:
+    """Directions (n, k, 3), each turned by -``angle`` (n,) about z."""
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    x, y = directions[..., 0], directions[..., 1]
+    return np.stack([c * x + s * y, c * y - s * x, directions[..., 2]], axis=-1)
+
+
+def _sheet_slopes(sheet: LaserSheet, X: Floats) -> Floats:
+    """(n, 6): derivative of the distance of fixed points by the sheet's parameters (`Rig.perturbed`
+    says what they are)."""
+    n, (e1, e2) = sheet.normal, sheet.axes
+    d = X - sheet.centre
+    a, b, w = d @ e1, d @ e2, d @ n
+    out = np.stack([-b, a, np.full(len(X), -1.0), -a * a, -a * b, -b * b], axis=1)
+    if sheet.bow.any():
+        # The sheet's own axes turn with its normal, of which e₁ keeps to the picture's.
+        lead = np.eye(3)[1 if abs(n[1]) < 0.7 else 0]
+        tip = (lead @ n) / (lead @ e1)
+        q = sheet.bow
+        by_a, by_b = 2 * q[0] * a + q[1] * b, q[1] * a + 2 * q[2] * b
+        out[:, 0] -= by_a * tip * b + by_b * (w - tip * a)
+        out[:, 1] += by_a * w
+    return out
