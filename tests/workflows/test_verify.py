@@ -168,21 +168,29 @@ def test_the_modern_rig_within_its_limits_and_its_moved_laser_found_by_the_third
     tmp_path: Path,
 ) -> None:
     """Pictures of a ball bar, simulated with speckle, three steps of the table a scan."""
-    from turnscan.simulate import SimCamera, SimLasers, SimTurntable, Simulated, World, simulated
+    from turnscan.simulate import (
+        SimCamera,
+        SimLasers,
+        SimTurntable,
+        Simulated,
+        World,
+        bench,
+        spec_of,
+    )
     from turnscan.workflows._simulated import plan_of, scan_into_file
 
     (tmp_path / "bar.toml").write_text(BAR)
     scans = []
     for k, moved in enumerate((0.0, 0.0, 0.05)):
-        d = simulated(f"sim:ball-bar?rig=modern&steps=3&seed={k}")
-        made = d.world.bench
+        spec, faults = spec_of(f"sim:ball-bar?rig=modern&steps=3&seed={k}")
+        made = bench(spec)
         rig = made.rig
         by = moved * rig.sheets[0].normal
         sheet = replace(rig.sheets[0], centre=rig.sheets[0].centre + by)
         beam = replace(made.beams[0], apex=made.beams[0].apex + by)
         moved_rig = replace(rig, sheets=(sheet,))
-        world = World(replace(made, rig=moved_rig, beams=(beam,)), d.world.faults, None)
-        seen = Simulated(d.spec, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+        world = World(replace(made, rig=moved_rig, beams=(beam,)), faults, None)
+        seen = Simulated(spec, world, SimCamera(world), SimTurntable(world), SimLasers(world))
         scans.append(tmp_path / f"{k}.turnscan")
         scan_into_file(seen, plan_of(seen), scans[-1], "sparse")
     history = tmp_path / "h"
