@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import product
 from typing import Literal, get_args
 
 import numpy as np
@@ -78,10 +76,15 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
     lasers = tuple(beam.name for beam in made.beams)
     draw = np.random.default_rng(spec.seed)
 
-    def photograph(body_at: Pose, lit: tuple[str, ...], angle: float = 0.0) -> Image:
+    def camera_of(body_at: Pose) -> Renderer:
         body = replace(scene.bodies[0], T_table_part=body_at)
         held_there = replace(scene, bodies=(body, *scene.bodies[1:]))
-        return Renderer(replace(made, scene=held_there)).picture(angle, lit, seconds)
+        return Renderer(replace(made, scene=held_there))
+
+    def photographed(body_at: Pose, lit: tuple[str, ...]) -> list[Image]:
+        """Without a laser, then with each of these."""
+        there = camera_of(body_at)
+        return [there.picture(0.0, on, seconds) for on in ((), *((laser,) for laser in lit))]
 
     stand = scene.bodies[0].T_table_part
     middle = stand.apply(np.array([0.0, 0.0, 46.0]))
@@ -89,20 +92,17 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
     # The board shows its print to the camera between these angles only.
     start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
-        dark = list(pool.map(lambda at: photograph(at, ()), held))
-        lit = pool.map(lambda at: photograph(at[1], (at[0],)), list(product(lasers, held[free:])))
-        turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(stops))
-        seen = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
-        striped: dict[str, Sequence[LaserPicture]] = {
-            laser: [
-                LaserPicture(view, light, widths=widths)
-                for view, (light, widths) in (
-                    (view, stripe_light(next(lit), off))
-                    for view, off in zip(seen[free:], dark[free:], strict=True)
-                )
-            ]
-            for laser in lasers
-        }
+        shown = [pool.submit(photographed, at, lasers if k >= free else ())
+                 for k, at in enumerate(held)]  # fmt: skip
+        turning = camera_of(stand)
+        turned = pool.map(lambda k: turning.picture(start + k * step, (), seconds), range(stops))
+        taken = [one.result() for one in shown]
+        seen = [detect_board(dark, BOARD, f"free {i}") for i, (dark, *_) in enumerate(taken)]
+        striped: dict[str, list[LaserPicture]] = {laser: [] for laser in lasers}
+        for view, (dark, *lit) in zip(seen[free:], taken[free:], strict=True):
+            for laser, picture in zip(lasers, lit, strict=True):
+                light, widths = stripe_light(picture, dark)
+                striped[laser].append(LaserPicture(view, light, widths=widths))
         table = [
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
             for k, picture in enumerate(turned)

@@ -4,7 +4,7 @@ What is asserted are the errors over the uncertainties that turnscan states: `me
 for a place on the sheet, as the calibration's report prints it, and for a size the fit's own
 (noise of the points) together with `rig_moves` (what the calibration leaves open).
 
-- Forty rigs are calibrated from corners and stripe centres with known noise, which stand for
+- Sixteen rigs are calibrated from corners and stripe centres with known noise, which stand for
   pictures; the scan's stripes are cut by the true sheet. No picture is rendered there, so detection
   is not in it, and neither speckle nor the thickness of the light.
 - One is calibrated and scans with rendered pictures, noise and speckle and all.
@@ -36,7 +36,7 @@ from turnscan.shapes import Sphere, fit_sphere
 from turnscan.simulate import SimulationSpec, bench, seconds_of
 from turnscan.stripes import Stripe
 
-SEEDS = range(40)
+SEEDS = range(16)
 NOISE, FINE = 0.1, 0.03
 """px, of what calibrates and of the scan's stripes: so the rig decides, not the points, whose sigma
 is the whole way that they move along the sheet and so too large where a surface leans."""
@@ -45,8 +45,11 @@ BALLS = ((np.array([0.0, 0.0, 30.0]), 25.0), (np.array([0.0, 0.0, 85.0]), 18.0))
 """Centre and radius, mm: two balls on the axis, one on top of the other."""
 PLACES = ((20.0, 10.0), (40.0, 60.0))
 """Radius and height, mm, at which the sheet is asked."""
-LEAST, MOST = 0.8, 1.25
-"""Of forty independent z the rms is 1 ± 0.11: these are two standard deviations."""
+LEAST, MOST = 0.65, 1.35
+"""Of sixteen independent z the rms is 1 ± 0.18: these are two standard deviations. A hundred rigs,
+and so a third of that, are a bench's (`python -m bench calibration`)."""
+ALL_LEAST, ALL_MOST = 0.8, 1.25
+"""Of all of them together."""
 
 
 def calibrated(world: World) -> Rig:
@@ -115,7 +118,7 @@ def place_errors(rig: Rig, true: Rig) -> list[float]:
     return out
 
 
-def test_stated_uncertainties_are_the_errors_of_forty_calibrated_rigs(
+def test_stated_uncertainties_are_the_errors_of_calibrated_rigs(
     exact: list[Stripe],
 ) -> None:
     """Radius, height and distance of a scan, and radius and height of places on the sheet."""
@@ -135,6 +138,7 @@ def test_stated_uncertainties_are_the_errors_of_forty_calibrated_rigs(
     rms = np.sqrt(np.mean(np.square(z), axis=0))
     assert (rms > LEAST).all(), rms
     assert (rms < MOST).all(), rms
+    assert ALL_LEAST < np.sqrt(np.mean(np.square(z))) < ALL_MOST
     assert np.abs(z).max() < 4.5
     assert (np.abs(np.mean(z, axis=0)) < 0.5).all()
     # 0.1 px are some 0.1 mm here; averaged over the views, a few hundredths are left.
@@ -150,8 +154,8 @@ def test_a_scan_with_a_rig_calibrated_from_rendered_pictures() -> None:
     """
     spec = SimulationSpec("sphere", "paper", lasers=1, seed=3)
     made = bench(spec)
-    rig = from_pictures(spec, (6, 6, 8))
-    real = scan(made, seconds_of(spec), 8, rig)
+    rig = from_pictures(spec, (4, 5, 6))
+    real = scan(made, seconds_of(spec), 6, rig)
     ball = ((np.array([0.0, 0.0, SPHERE]), SPHERE),)
     sizes = Sizes(real.grid, rig, ball)
     optics = -0.8 * 1.5 * 0.61**2 / SPHERE

@@ -145,6 +145,17 @@ def _minimise(
     )
 
 
+def one_step(network: Network[State], fit: Fit[State], free: Bools) -> tuple[Floats, Floats]:
+    """How far the shared parameters would move from a fit, were those ``free`` that were held in
+    it, and their standard uncertainties, (p,) each: by one linear step, without another fit."""
+    system = build(network, list(fit.blocks), free, fit.scales, HUBER, 0.0)
+    moved, _ = step(network, system, free)
+    sigma = np.zeros(len(free))
+    C = inverse_of(system.reduced, free_name(network, free))
+    sigma[free] = fit.view_factor * np.sqrt(np.diag(C))
+    return moved, sigma
+
+
 def shared_columns(network: Network[State], block: Block, system: System, free: Bools) -> Floats:
     """Derivative of a block by the free shared parameters, its view's own following them."""
     A: Floats = block.common[:, free]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._board import Board
-from turnscan.rig import Marker, Pose, nearest_rotation, rotation_from_vector
+from turnscan.rig import Marker, Pose, nearest_rotations
 
 PLATTER = ("slope_x", "slope_y", "bend_xx", "bend_xy", "bend_yy")
 
@@ -171,5 +172,23 @@ def moved_pose(pose: Pose, delta: Floats) -> Pose:
 
     The rotation is made orthonormal again, so that many small steps do not add up.
     """
-    turned = nearest_rotation(rotation_from_vector(delta[:3]) @ pose.rotation)
-    return Pose(turned, pose.translation + delta[3:])
+    return moved_poses((pose,), delta[None])[0]
+
+
+def moved_poses(poses: Sequence[Pose], delta: Floats) -> tuple[Pose, ...]:
+    """`moved_pose` of each by its row of ``delta`` (n, 6)."""
+    if not len(poses):
+        return ()
+    angle = np.maximum(np.linalg.norm(delta[:, :3], axis=1), 1e-300)[:, None, None]
+    cross = cross_matrices(delta[:, :3]) / angle
+    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    turned = nearest_rotations(turn @ np.stack([T.rotation for T in poses]))
+    return tuple(
+        Pose(R, T.translation + d[3:]) for R, T, d in zip(turned, poses, delta, strict=True)
+    )
+
+
+def stacked(poses: Sequence[Pose], counts: Sequence[int]) -> tuple[Floats, Floats]:
+    """Rotations (n, 3, 3) and shifts (n, 3) mm of poses, each as often as ``counts`` says."""
+    of = np.repeat(np.arange(len(poses)), counts)
+    return np.stack([T.rotation for T in poses])[of], np.stack([T.translation for T in poses])[of]

@@ -5,13 +5,20 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._board import BoardView
-from turnscan.calibrate._layout import BoardLayout, MarkerLayout, cross_matrices, moved_pose
+from turnscan.calibrate._layout import (
+    BoardLayout,
+    MarkerLayout,
+    cross_matrices,
+    moved_poses,
+    stacked,
+)
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._prior import RigPrior
 from turnscan.calibrate._residuals import CAMERA_SIZE, Traced, point_term, stripe_term, trace
@@ -77,12 +84,11 @@ class RigNetwork:
         stripes += [s for v in self.table for s in v.stripes]
         pixels = np.concatenate([np.zeros((0, 2)), *(s.pixels for s in stripes)])
         traced, at = trace(state.rig.camera, pixels), 0
-        for i, (view, pose) in enumerate(zip(self.boards, state.poses, strict=True)):
-            out.append(self._board(state, i, view, pose))
-            for stripe in self.board_stripes[i]:
-                seen = traced.part(slice(at, at + len(stripe.pixels)))
-                out.append(self._board_stripe(state, i, stripe, seen))
-                at += len(stripe.pixels)
+        corners, on_boards = self._board_corners(state), self._on_boards(state, traced)
+        for i, lit in enumerate(self.board_stripes):
+            out += [corners[i], *(on_boards[at + k] for k in range(len(lit)))]
+            at += len(lit)
+        at = sum(len(s.pixels) for group in self.board_stripes for s in group)
         if self.table:
             out += self._riders(state)
             if isinstance(state.layout, MarkerLayout):
@@ -109,7 +115,7 @@ class RigNetwork:
         T = rig.T_camera_table
         rig = replace(rig, T_camera_table=Pose(nearest_rotation(T.rotation), T.translation))
         n = len(self.boards)
-        poses = tuple(moved_pose(T, d) for T, d in zip(state.poses, own[:n], strict=True))
+        poses = moved_poses(state.poses, np.array(own[:n]).reshape(n, 6))
         turns = np.array([d[0] if len(d) else 0.0 for d in own[n:]])
         layout = None if state.layout is None else state.layout.moved(common[p:-3])
         return State(rig, layout, poses, state.angles + turns, state.bend + common[-3:])
@@ -159,29 +165,67 @@ class RigNetwork:
     def _zeros(self, rows: int) -> Floats:
         return np.zeros((rows, len(self.names)))
 
-    def _board(self, state: State, i: int, view: BoardView, pose: Pose) -> Block:
-        powers = bulge(view.board, view.points)
-        bent = view.points + powers @ state.bend[:, None] * (0.0, 0.0, 1.0)
-        turned = pose.turn(bent)
-        pixels, by_point, by_camera = point_term(state.rig.camera, turned + pose.translation)
+    @cached_property
+    def _cuts(self) -> list[slice]:
+        """Which rows are the corners of each board view."""
+        ends = np.cumsum([0, *(len(v.points) for v in self.boards)])
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+    @cached_property
+    def _points(self) -> Floats:
+        """(n, 3) mm on their boards: the corners of all views."""
+        return np.concatenate([np.zeros((0, 3)), *(v.points for v in self.boards)])
+
+    @cached_property
+    def _bulges(self) -> Floats:
+        """(n, 3) of all corners of the boards: the powers of `bulge`."""
+        return np.concatenate([np.zeros((0, 3)), *(bulge(v.board, v.points) for v in self.boards)])
+
+    def _board_corners(self, state: State) -> list[Block]:
+        """The corners of the boards, all views at once, then cut into views."""
+        if not self.boards:
+            return []
+        R, shift = stacked(state.poses, [cut.stop - cut.start for cut in self._cuts])
+        bent = self._points + self._bulges @ state.bend[:, None] * (0.0, 0.0, 1.0)
+        turned = np.einsum("nij,nj->ni", R, bent)
+        pixels, by_point, by_camera = point_term(state.rig.camera, turned + shift)
         own = np.concatenate([-by_point @ cross_matrices(turned), by_point], axis=2)
         common = self._zeros(2 * len(pixels))
         common[:, :CAMERA_SIZE] = by_camera.reshape(-1, CAMERA_SIZE)
-        up = by_point @ pose.rotation[:, 2]
-        common[:, -3:] = (up[:, :, None] * powers[:, None, :]).reshape(-1, 3)
-        residual = (view.corners - pixels).reshape(-1)
-        return Block(i, BOARD, residual, common, own.reshape(-1, 6))
+        up = np.einsum("nij,nj->ni", by_point, R[:, :, 2])
+        common[:, -3:] = (up[:, :, None] * self._bulges[:, None, :]).reshape(-1, 3)
+        off = np.concatenate([v.corners for v in self.boards]) - pixels
+        out = []
+        for i, cut in enumerate(self._cuts):
+            rows = slice(2 * cut.start, 2 * cut.stop)
+            out.append(Block(i, BOARD, off[cut].ravel(), common[rows], own[cut].reshape(-1, 6)))
+        return out
 
-    def _board_stripe(self, state: State, i: int, stripe: StripeView, seen: Traced) -> Block:
-        board, pose = self.boards[i].board, state.poses[i]
-        term, powers = board_stripe(state, stripe, seen, board, pose)
-        normal = pose.rotation[:, 2]
-        own = np.concatenate(
-            [-term.by_normal @ cross_matrices(normal[None])[0], term.by_point], axis=1
-        )
-        common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
-        common[:, -3:] = (term.by_point @ normal)[:, None] * powers
-        return Block(i, stripe_kind("boards", stripe.laser), term.residual, common, own)
+    def _on_boards(self, state: State, traced: Traced) -> dict[int, Block]:
+        """The stripes on the boards by their number, all of one laser at once."""
+        all_of = [(i, s) for i, group in enumerate(self.board_stripes) for s in group]
+        starts = np.cumsum([0, *(len(s.pixels) for _, s in all_of)])
+        alike: dict[object, list[int]] = {}
+        for j, (i, s) in enumerate(all_of):
+            alike.setdefault((s.laser, *s.direction, self.boards[i].board), []).append(j)
+        out: dict[int, Block] = {}
+        for mine in alike.values():
+            first, stripe = all_of[mine[0]]
+            counts = [len(all_of[j][1].pixels) for j in mine]
+            seen = traced.part(np.concatenate([np.arange(starts[j], starts[j + 1]) for j in mine]))
+            R, shift = stacked([state.poses[all_of[j][0]] for j in mine], counts)
+            term, powers = board_stripe(state, stripe, seen, self.boards[first].board, (R, shift))
+            normal = R[:, :, 2]
+            swing = np.cross(term.by_normal, normal)
+            own = np.concatenate([-swing, term.by_point], axis=1)
+            common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
+            common[:, -3:] = np.einsum("ni,ni->n", term.by_point, normal)[:, None] * powers
+            kind = stripe_kind("boards", stripe.laser)
+            for j, end, count in zip(mine, np.cumsum(counts), counts, strict=True):
+                rows = slice(end - count, end)
+                view = all_of[j][0]
+                out[j] = Block(view, kind, term.residual[rows], common[rows], own[rows])
+        return out
 
     def _sheet_columns(self, by_camera: Floats, by_sheet: Floats, laser: str) -> Floats:
         common = self._zeros(len(by_camera))

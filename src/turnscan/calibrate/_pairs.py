@@ -10,6 +10,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.calibrate._adjust import adjust
 from turnscan.calibrate._evidence import LaserPicture
+from turnscan.calibrate._layout import stacked
 from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._observations import stripe_kind as kind_of
@@ -70,7 +71,8 @@ def fit_sheet(
     distance: list[Floats] = []
     for i, pose in zip(used, fit.state.poses, strict=True):
         seen_by = trace(camera, pixels[i])
-        term, _ = board_stripe(fit.state, stripes[i], seen_by, views[i].board, pose)
+        lies = stacked((pose,), (len(pixels[i]),))
+        term, _ = board_stripe(fit.state, stripes[i], seen_by, views[i].board, lies)
         distance.append(term.distance)
     return SheetFit(
         fit.state.rig.sheets[0],

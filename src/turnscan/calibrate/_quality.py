@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.calibrate._layout import MarkerLayout
+from turnscan.calibrate._layout import MarkerLayout, stacked
 from turnscan.calibrate._observations import BOARD, RIDER, stripe_kind
 from turnscan.calibrate._residuals import trace
 from turnscan.calibrate._rig import Calibration
@@ -171,7 +171,8 @@ def _board_distances(c: Calibration, laser: str) -> list[Floats]:
         for s in group:
             if s.laser == laser:
                 seen = trace(state.rig.camera, s.pixels)
-                out.append(board_stripe(state, s, seen, view.board, pose)[0].distance)
+                lies = stacked((pose,), (len(s.pixels),))
+                out.append(board_stripe(state, s, seen, view.board, lies)[0].distance)
     return out
 
 

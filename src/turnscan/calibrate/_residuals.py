@@ -117,7 +117,8 @@ def stripe_term(
 ) -> StripeTerm:
     """Where a stripe seen by the rays ``seen`` (n) on the plane (``normal``, ``point``) should be.
 
-    ``point`` is (3,), or (n, 3) where the surface is nearly but not quite a plane.
+    ``point`` is (3,), or (n, 3) where the surface is nearly but not quite a plane; ``normal`` is
+    (3,), or (n, 3) where there are several planes.
 
     ``direction`` (2,) is the picture direction in which the stripe was located: (1, 0) for one
     centre per row. The ray meets the plane in a point; its distance from the sheet, divided by how
@@ -125,8 +126,8 @@ def stripe_term(
     (docs/explain/calibration.md).
     """
     d = seen.rays
-    across = d @ normal
-    X = d * ((point @ normal) / across)[:, None]
+    across = _dot(d, normal)
+    X = d * (_dot(point, normal) / across)[:, None]
     e1, e2 = sheet.axes
     rel = X - sheet.centre
     a, b = rel @ e1, rel @ e2
@@ -153,5 +154,11 @@ def stripe_term(
         by_camera=by_camera * scale[:, None],
         by_sheet=by_sheet * scale[:, None],
         by_normal=(along * scale)[:, None] * (point - X),
-        by_point=np.multiply.outer(along * scale, normal),
+        by_point=(along * scale)[:, None] * normal,
     )
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Of vectors (…, 3), either of which may be one for all."""
+    product: Floats = np.einsum("...i,...i->...", a, b)
+    return product

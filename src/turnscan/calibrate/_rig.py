@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from turnscan.arrays import Floats
-from turnscan.calibrate._adjust import Fit, adjust
+from turnscan.arrays import Bools, Floats
+from turnscan.calibrate._adjust import Fit, adjust, one_step
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import MarkerLayout
@@ -32,6 +33,7 @@ from turnscan.calibrate._thickness import sheet_thickness
 from turnscan.rig import Marker, Pose, Rig
 
 _SIGNIFICANT = 3.0  # standard deviations for a parameter to be kept
+_HOPELESS = 0.5  # of that, by a linear step: no fit is needed to see that it is not
 
 Say = Callable[[str], None]
 
@@ -195,22 +197,37 @@ def _keep_significant(fit: Fit[State], network: RigNetwork, stages: Stages) -> F
         d = camera.distortion * np.array([1, 1, 0, 0, 1])
         start = replace(fit.state, rig=replace(fit.state.rig, camera=replace(camera, distortion=d)))
         fit = adjust(network, start, free, near=fit)
-    if camera_given:
-        tried = free.copy()
-        tried[names.index("camera.k3")] = True
-        more = adjust(network, fit.state, tried, near=fit)
-        if matters(more, "camera.k3", float(more.state.rig.camera.distortion[4])):
-            fit, free = more, tried
+    asked: dict[str, Callable[[State], float]] = {"camera.k3": _k3} if camera_given else {}
     for sheet in fit.state.rig.sheets:
-        if sheet.name not in stages.given:
-            continue
-        tried = free.copy()
-        tried[names.index(f"{sheet.name}.bow_aa")] = True
-        more = adjust(network, fit.state, tried, near=fit)
-        bow = float(more.state.rig.sheet(sheet.name).bow[0])
-        if matters(more, f"{sheet.name}.bow_aa", bow):
-            fit, free = more, tried
+        if sheet.name in stages.given:
+            asked[f"{sheet.name}.bow_aa"] = partial(_bow, sheet.name)
+    for name, value in asked.items():
+        more = _tried(network, fit, free, name, value(fit.state))
+        if more and matters(more[0], name, value(more[0].state)):
+            fit, free = more
     return fit
+
+
+def _bow(laser: str, state: State) -> float:
+    return float(state.rig.sheet(laser).bow[0])
+
+
+def _k3(state: State) -> float:
+    return float(state.rig.camera.distortion[4])
+
+
+def _tried(
+    network: RigNetwork, fit: Fit[State], free: Bools, name: str, value: float
+) -> tuple[Fit[State], Bools] | None:
+    """The fit with one more parameter, and what is free in it; None where already a linear step
+    shows that it does not matter."""
+    k = network.names.index(name)
+    tried = free.copy()
+    tried[k] = True
+    moved, sigma = one_step(network, fit, tried)
+    if abs(value + moved[k]) < _HOPELESS * _SIGNIFICANT * sigma[k]:
+        return None
+    return adjust(network, fit.state, tried, near=fit), tried
 
 
 def _angles(

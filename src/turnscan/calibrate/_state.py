@@ -67,18 +67,23 @@ def bulge(board: Board, xy: Floats) -> Floats:
 
 
 def board_stripe(
-    state: State, stripe: StripeView, seen: Traced, board: Board, pose: Pose
+    state: State, stripe: StripeView, seen: Traced, board: Board, lies: tuple[Floats, Floats]
 ) -> tuple[StripeTerm, Floats]:
-    """A stripe on a board as bent as the state says, and the bulge (n, 3) where the stripe is."""
-    normal = pose.rotation[:, 2]
+    """Stripes on boards as bent as the state says, and the bulge (n, 3) where each pixel is.
+
+    ``lies`` (`stacked`) is how the board of each pixel lies in the camera's frame. All pixels are
+    of the laser and the direction of ``stripe``.
+    """
+    R, shift = lies
+    normal = R[:, :, 2]
     rays = seen.rays
+    across, away = np.einsum("ni,ni->n", rays, normal), np.einsum("ni,ni->n", normal, shift)
     height = np.zeros(len(rays))
     for _ in range(2):
-        level = normal @ pose.translation + height
-        on_board = pose.inverse().apply(rays * (level / (rays @ normal))[:, None])
-        powers = bulge(board, on_board)
+        at = rays * ((away + height) / across)[:, None] - shift
+        powers = bulge(board, np.einsum("ni,nij->nj", at, R))
         height = powers @ state.bend
-    point = pose.translation + height[:, None] * normal
+    point = shift + height[:, None] * normal
     term = stripe_term(state.rig.sheet(stripe.laser), seen, stripe.direction, normal, point)
     return term, powers
 

@@ -10,6 +10,7 @@ from turnscan.rig._planar import planar_pixel, planar_point
 from turnscan.rig._pose import (
     Pose,
     nearest_rotation,
+    nearest_rotations,
     rotation_about,
     rotation_from_vector,
     rotation_z,
@@ -33,6 +34,7 @@ __all__ = [
     "disagreements",
     "limits",
     "nearest_rotation",
+    "nearest_rotations",
     "paper",
     "planar_pixel",
     "planar_point",
