@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Literal, get_args
@@ -98,11 +99,16 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
         turned = pool.map(lambda k: turning.picture(start + k * step, (), seconds), range(stops))
         taken = [one.result() for one in shown]
         seen = [detect_board(dark, BOARD, f"free {i}") for i, (dark, *_) in enumerate(taken)]
-        striped: dict[str, list[LaserPicture]] = {laser: [] for laser in lasers}
-        for view, (dark, *lit) in zip(seen[free:], taken[free:], strict=True):
-            for laser, picture in zip(lasers, lit, strict=True):
-                light, widths = stripe_light(picture, dark)
-                striped[laser].append(LaserPicture(view, light, widths=widths))
+        striped: dict[str, Sequence[LaserPicture]] = {
+            laser: [
+                LaserPicture(view, light, widths=widths)
+                for view, (light, widths) in (
+                    (view, stripe_light(lit[k], dark))
+                    for view, (dark, *lit) in zip(seen[free:], taken[free:], strict=True)
+                )
+            ]
+            for k, laser in enumerate(lasers)
+        }
         table = [
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
             for k, picture in enumerate(turned)

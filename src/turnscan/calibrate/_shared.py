@@ -59,7 +59,8 @@ def _add(sums: Floats, place: npt.NDArray[np.intp], what: Floats) -> None:
     from scipy.sparse import csr_array
 
     m = len(place)
-    sums += csr_array((np.ones(m), place, np.arange(m + 1)), shape=(m, len(sums))).T @ what
+    rows = csr_array((np.ones(m), place, np.arange(m + 1)), shape=(m, len(sums)))
+    sums += np.asarray(rows.T @ what)
 
 
 def _pulls(fit: Fit[Surfaces], blocks: list[Block], free: Bools) -> Floats:

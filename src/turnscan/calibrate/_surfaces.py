@@ -284,7 +284,8 @@ class SurfaceNetwork:
             at.append(ends[0])
             noise.append(self._per_sigma(sweep, ends))
         before = np.linalg.norm(self.state.rig.T_camera_table.translation)
-        return _Seen(at, noise, np.linalg.norm(state.rig.T_camera_table.translation) / before)
+        size = np.linalg.norm(state.rig.T_camera_table.translation) / before
+        return _Seen(at, noise, np.asarray(size))
 
     @staticmethod
     def _per_sigma(sweep: Sweep, ends: Floats) -> Floats:
