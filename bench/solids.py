@@ -10,7 +10,8 @@ commit that it is of, and leaves those of other scans.
 
 The volume of a solid is compared with that of the mesh, and with the true one. The closing lays a
 lid over the opening of a mug or a cup, so that their solid is a filled vessel: no drawing gives its
-volume, and the true one is left out.
+volume, and the true one is left out. Faces of a swept profile are counted with the B-splines, as
+their profile is one.
 """
 
 from __future__ import annotations
@@ -142,7 +143,8 @@ def row(case: Case, folder: Path) -> Row:
     of = step.figures
     made_of = ""
     if step.made is not None:
-        splines, flat = of.get("faces_bspline", 0), of.get("faces_triangles", 0)
+        splines = of.get("faces_bspline", 0) + of.get("faces_swept", 0)
+        flat = of.get("faces_triangles", 0)
         made_of = f"{of['faces'] - splines - flat}, {splines}, {flat}"
     rms = of.get("deviation_rms_mm")
     return Row(

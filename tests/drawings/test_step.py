@@ -266,10 +266,17 @@ def _rough() -> Mesh:
     return replace(mesh, vertices=X)
 
 
-def test_edges_and_faces_that_are_known_are_those_that_would_be_made_anew() -> None:
+@pytest.fixture(scope="module")
+def rough() -> FoundShapes:
     needs("OpenCASCADE")
-    mesh = _rough()
-    cutting = Charting(mesh, find_shapes(mesh, tolerance=0.05).found)
+    return find_shapes(_rough(), tolerance=0.05)
+
+
+def test_edges_and_faces_that_are_known_are_those_that_would_be_made_anew(
+    rough: FoundShapes,
+) -> None:
+    mesh = rough.mesh
+    cutting = Charting(mesh, rough.found)
     tracing, maker, charts = Bordering(mesh), ShellMaker(), cutting.charts()
     for _ in range(3):
         borders, fresh = tracing.borders(charts), Bordering(mesh).borders(charts)
@@ -335,9 +342,10 @@ def test_where_a_border_crosses_itself_or_leaves_its_surface_is_found() -> None:
     assert len(places) == 3
 
 
-def test_making_a_solid_tells_how_far_it_is_and_can_be_cancelled(tmp_path: Path) -> None:
-    needs("OpenCASCADE")
-    found = find_shapes(_rough(), tolerance=0.05)
+def test_making_a_solid_tells_how_far_it_is_and_can_be_cancelled(
+    rough: FoundShapes, tmp_path: Path
+) -> None:
+    found = replace(rough)  # which has no file yet
     told = list[float]()
     late = Progress(lambda fraction, _: told.append(fraction), lambda: len(told) > 3)
     with pytest.raises(Cancelled):
@@ -348,10 +356,10 @@ def test_making_a_solid_tells_how_far_it_is_and_can_be_cancelled(tmp_path: Path)
     assert len(told) > 8
 
 
-def test_where_no_surface_fits_triangles_close_the_solid(tmp_path: Path) -> None:
-    needs("OpenCASCADE")
-    mesh = _rough()
-    found = find_shapes(mesh, tolerance=0.05)
+def test_where_no_surface_fits_triangles_close_the_solid(
+    rough: FoundShapes, tmp_path: Path
+) -> None:
+    mesh, found = rough.mesh, rough
     step = found.step
     assert step.solid, step.findings
     alone = step.figures["faces_triangles"]
@@ -384,7 +392,7 @@ def test_two_bodies_are_two_solids_and_a_cavity_is_none() -> None:
 
 def test_a_body_that_faces_inward_within_no_other_is_said_to_be_why_there_is_no_solid() -> None:
     needs("OpenCASCADE")
-    mesh, _ = _lumpy(0.01, 24)
+    mesh, _ = _lumpy(0.01, 36)
     vertices = np.concatenate([mesh.vertices, 0.8 * mesh.vertices + [60.0, 0.0, 0.0]])
     faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + len(mesh.vertices)])
     step = find_shapes(Mesh(vertices, faces), tolerance=0.05).step

@@ -190,7 +190,7 @@ class Session(RuleBasedStateMachine):
 
 
 Session.TestCase.settings = settings(
-    max_examples=2000 if "TURNSCAN_EXPLORE" in os.environ else 400,
+    max_examples=2000 if "TURNSCAN_EXPLORE" in os.environ else 150,
     stateful_step_count=6,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )

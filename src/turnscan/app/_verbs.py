@@ -243,12 +243,18 @@ def by_laser(series: Sequence[Item], laser: str, field: str = "pictures") -> dic
     return named
 
 
-def _surface(result: w.ReconstructResult, given: Given) -> Outcome:
+def _stages(given: Given) -> tuple[Progress, Progress]:
+    """Progress of the work, and of writing its files: making a solid takes longer than the rest."""
+    share = 0.3 if w.check_step(given.outputs["outputs"]) else 1.0
+    return given.progress.subrange(0, share), given.progress.subrange(share, 1)
+
+
+def _surface(result: w.ReconstructResult, given: Given, progress: Progress) -> Outcome:
     """Write what became of a reconstruction; where it failed, the report alone."""
     remarks: list[Finding] = []
     if not result.failed:
         formats = given.of(w.FormatOptions).export_options
-        remarks = result.save(*given.outputs["outputs"], options=formats)
+        remarks = result.save(*given.outputs["outputs"], options=formats, progress=progress)
     for path in given.outputs["report"]:
         result.save_report(path)
     lines = result.summary()
@@ -259,25 +265,26 @@ def _surface(result: w.ReconstructResult, given: Given) -> Outcome:
 
 def _range_scans(given: Given) -> Outcome:
     _ = given.of(w.FormatOptions).export_options  # what excludes each other is said at once
+    told, rest = _stages(given)
     result = w.reconstruct(
         given.path("source"), given.of(w.ReconstructOptions), edits="none",
-        unit=given.of(w.RangeScanOptions).unit, progress=given.progress,
+        unit=given.of(w.RangeScanOptions).unit, progress=told,
     )  # fmt: skip
-    return _surface(result, given)
+    return _surface(result, given, rest)
 
 
 def _join(given: Given) -> Outcome:
     _ = given.of(w.FormatOptions).export_options
     changes, poses = given.of(w.ReconstructOptions).changed(), given.of(w.JoinOptions)
-    rig = given.perhaps("rig")
+    rig, (told, rest) = given.perhaps("rig"), _stages(given)
     result = w.join(
         given.paths("sources"),
         points=given.perhaps("points"), markers=poses.markers,
         reference=given.perhaps("reference"),
         rig=None if rig is None else w.read_rig_file(rig), unit=poses.unit,
-        progress=given.progress, **changes,
+        progress=told, **changes,
     )  # fmt: skip
-    return _surface(result, given)
+    return _surface(result, given, rest)
 
 
 def _export(given: Given) -> Outcome:
@@ -326,11 +333,9 @@ def _measure(given: Given) -> Outcome:
 
 
 def _shapes(given: Given) -> Outcome:
-    files = given.outputs["outputs"]
-    share = 0.3 if w.check_step(files) else 1.0
-    told, rest = given.progress.subrange(0, share), given.progress.subrange(share, 1)
+    told, rest = _stages(given)
     found = w.find_shapes(given.path("part"), given.of(w.ShapesOptions), progress=told)
-    remarks = found.save(*files, progress=rest)
+    remarks = found.save(*given.outputs["outputs"], progress=rest)
     for path in given.outputs["report"]:
         found.save_report(path)
     return Outcome(str(found), [*found.findings, *remarks], json.dumps(found.figures(), indent=1))

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from turnscan import workflows
+from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
 
 
@@ -25,7 +26,9 @@ def show_result(
     for finding in result.findings:
         click.echo(with_flags(finding), err=True)
     if not result.failed:
-        for remark in result.save(*outputs, options=formats):
+        with progress_bar() as progress:
+            remarks = result.save(*outputs, options=formats, progress=progress)
+        for remark in remarks:
             click.echo(with_flags(remark), err=True)
     for line in result.summary():
         click.echo(line)

@@ -1,4 +1,4 @@
-"""A shell of trimmed faces by OpenCASCADE, analytic and B-spline ones; a solid where it closes."""
+"""A shell of trimmed faces by OpenCASCADE; a solid where it closes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from turnscan.shapes.patches import (
     Border,
     Borders,
     Charts,
+    ExtrudedPatch,
     FlatPatch,
     Patch,
     ShapePatch,
+    TurnedPatch,
     flat_patch,
 )
 
@@ -273,15 +275,12 @@ class _Making:
         return flat_patch(self.borders.nodes[ends])
 
     def _edge(self, number: int) -> Any:
-        from OCP.Geom import Geom_BSplineCurve
-        from OCP.gp import gp_Pnt
         from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
         from OCP.TopoDS import TopoDS_Edge
 
         if number not in self.edges:
             e = self.borders.edges[number]
-            poles = [gp_Pnt(*p) for p in e.control.tolist()]
-            curve = Geom_BSplineCurve(_array("gp_Pnt", poles), *_knots(e.knots), e.degree)
+            curve = _curve(e.control, e.knots)
             self.edges[number] = edge = TopoDS_Edge()
             self.builder.MakeEdge(edge, curve, max(_LEAST, _ROOM * e.apart))
             self.builder.Add(edge, self._vertex(e.first).Oriented(TopAbs_FORWARD))
@@ -306,7 +305,8 @@ def _flat(border: Border, patch: Patch) -> tuple[Any, float]:
     from OCP.gp import gp_Pnt2d
     from scipy.interpolate import BSpline, make_interp_spline
 
-    if not isinstance(patch, ShapePatch) or patch.shape.kind == "plane":
+    bent = isinstance(patch, ShapePatch) and patch.shape.kind != "plane"
+    if not bent and not isinstance(patch, TurnedPatch):
         uv, knots, degree, apart = (
             patch.parameters(border.control), border.knots, border.degree, 0.0
         )  # fmt: skip
@@ -328,6 +328,10 @@ def _surface(patch: Patch) -> tuple[Any, bool]:
         return _analytic(patch), patch.shape.hollow and patch.shape.kind != "plane"
     if isinstance(patch, FlatPatch):
         return _plane(patch), False
+    if isinstance(patch, ExtrudedPatch):
+        return _extruded(patch), False
+    if isinstance(patch, TurnedPatch):
+        return _turned(patch), patch.hollow
     from OCP.collections import Array2_gp_Pnt
     from OCP.Geom import Geom_BSplineSurface
     from OCP.gp import gp_Pnt
@@ -339,6 +343,32 @@ def _surface(patch: Patch) -> tuple[Any, bool]:
             poles.SetValue(i + 1, j + 1, gp_Pnt(*p))
     (u, many_u), (v, many_v) = map(_knots, patch.knots)
     return Geom_BSplineSurface(poles, u, v, many_u, many_v, 3, 3), False
+
+
+def _extruded(patch: ExtrudedPatch) -> Any:
+    from OCP.Geom import Geom_SurfaceOfLinearExtrusion
+    from OCP.gp import gp_Dir
+
+    way = gp_Dir(*map(float, patch.axes[1]))
+    return Geom_SurfaceOfLinearExtrusion(_curve(patch.profile, patch.knots), way)
+
+
+def _turned(patch: TurnedPatch) -> Any:
+    from OCP.Geom import Geom_SurfaceOfRevolution
+    from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt
+
+    axis = gp_Ax1(gp_Pnt(*map(float, patch.origin)), gp_Dir(*map(float, patch.axes[2])))
+    return Geom_SurfaceOfRevolution(_curve(patch.profile, patch.knots), axis)
+
+
+def _curve(control: Floats, knots: Floats) -> Any:
+    """A curve in space of these control points (n, 3) mm."""
+    from OCP.Geom import Geom_BSplineCurve
+    from OCP.gp import gp_Pnt
+
+    poles = [gp_Pnt(*p) for p in control.tolist()]
+    degree = len(knots) - len(control) - 1
+    return Geom_BSplineCurve(_array("gp_Pnt", poles), *_knots(knots), degree)
 
 
 def _plane(patch: FlatPatch | ShapePatch) -> Any:

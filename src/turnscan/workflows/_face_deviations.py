@@ -47,6 +47,8 @@ class FaceDeviations:
     facets: Facets
     triangles: tuple[int, ...] = ()
     """Numbers, from 0, of the faces that are triangles of the mesh; they are not among `faces`."""
+    sigma: Floats | None = None
+    """(n,) mm: standard deviation of each of these points; NaN where it is not known."""
 
     def quantile(self, share: float) -> float:
         """Absolute distance, mm, that ``share`` of the points stay within; NaN without points."""
@@ -57,6 +59,20 @@ class FaceDeviations:
     def rms(self) -> float:
         """Root mean square distance, mm; NaN without points."""
         return float(np.sqrt(np.mean(self.distance**2))) if len(self.distance) else np.nan
+
+    @property
+    def rms_over_sigma(self) -> float:
+        """Root mean square distance in standard deviations of each point; NaN where none is known.
+
+        It is about 1 where the points miss the faces by their noise, however few of them, beside
+        edges, carry most of `rms`.
+        """
+        if self.sigma is None:
+            return np.nan
+        known = np.isfinite(self.sigma) & (self.sigma > 0)
+        if not known.any():
+            return np.nan
+        return float(np.sqrt(np.mean((self.distance[known] / self.sigma[known]) ** 2)))
 
     @property
     def colours(self) -> dict[int, Colour]:
@@ -110,10 +126,16 @@ def nearest_faces(points: Floats, facets: Facets) -> tuple[Floats, Ints]:
 
 
 def face_deviations(
-    distance: Floats, face: Ints, facets: Facets, count: int, triangles: Sequence[int] = ()
+    distance: Floats,
+    face: Ints,
+    facets: Facets,
+    count: int,
+    triangles: Sequence[int] = (),
+    sigma: Floats | None = None,
 ) -> FaceDeviations:
     """How measured points lie to ``count`` faces: each by its distance (n,) mm from a face (n,);
-    ``triangles`` are the faces of which nothing is to be said."""
+    ``triangles`` are the faces of which nothing is to be said, ``sigma`` (n,) mm what is known of
+    the points."""
     many = np.bincount(face, minlength=count)
     with np.errstate(invalid="ignore"):
         mean = np.bincount(face, distance, count) / many
@@ -125,7 +147,8 @@ def face_deviations(
         for k in range(count)
         if k not in left
     )
-    return FaceDeviations(distance, faces, _width(mean[many > 0]), facets, tuple(triangles))
+    width = _width(mean[many > 0])
+    return FaceDeviations(distance, faces, width, facets, tuple(triangles), sigma)
 
 
 def _names(facets: Facets, count: int) -> Sequence[str]:

@@ -13,7 +13,7 @@ from turnscan.formats import ExportOptions, Profiles, audit, export, texture_fil
 from turnscan.mesh import Mesh, PointCloud
 from turnscan.progress import Progress, no_progress
 from turnscan.workflows._files import check_writable, write_atomically
-from turnscan.workflows._units import STEP_SUFFIXES
+from turnscan.workflows._units import STEP_SUFFIXES, is_step
 
 _NAME = re.compile(r"\S+")
 
@@ -59,12 +59,17 @@ def save(
     options = options or ExportOptions()
     ready: dict[Path, bytes] = {}
     remarks: list[Finding] = []
+    made: dict[tuple[int, str], tuple[bytes, list[Finding]]] = {}
     for k, (path, what) in enumerate(results.items()):
         check_writable(path)
         told = progress.subrange(k / len(results), (k + 1) / len(results))
         beside = _textures(path, what, options)
         chosen = replace(options, material=path.stem) if beside else options
-        data, found = _audited(what, path.suffix, chosen, profiles, str(path), told)
+        # A solid takes long to make: a .step and a .stp of one name hold the same.
+        name = (id(what), path.stem if is_step(path) else str(path))
+        if name not in made:
+            made[name] = _audited(what, path.suffix, chosen, profiles, str(path), told)
+        data, found = made[name]
         for finding in found:
             where = ", ".join(filter(None, [path.name, finding.where]))
             remarks.append(

@@ -7,6 +7,7 @@ from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes.patches import Bordering, Charting, Charts
 from turnscan.shapes.primitives import ShapeSet
+from turnscan.shapes.swept import find_swept
 
 _ROUNDS = 40
 _MOST = 30_000
@@ -28,7 +29,8 @@ def shell_under(
     shell still closes; unless these were most of the mesh.
     """
     progress(0.0, "laying surfaces under the part")
-    cutting, tracing, maker = Charting(mesh, found), Bordering(mesh), ShellMaker()
+    cutting = Charting(mesh, found, find_swept(mesh, found))
+    tracing, maker = Bordering(mesh), ShellMaker()
     charts, along_mesh = cutting.charts(), frozenset[int]()
     most = min(_MOST, int(_SHARE * len(mesh.faces)))
     for turn in range(_ROUNDS):

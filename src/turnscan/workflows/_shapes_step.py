@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.drawings import (
     ANALYTIC,
     Facets,
@@ -27,7 +27,7 @@ from turnscan.mesh import Mesh, is_closed, measured_vertices, submesh
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.shapes import volume_sigma
-from turnscan.shapes.patches import Charts, ShapePatch, SplinePatch
+from turnscan.shapes.patches import Charts, ExtrudedPatch, ShapePatch, SplinePatch, TurnedPatch
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_and_distances
 from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
 from turnscan.workflows._shapes_shell import shell_under
@@ -113,7 +113,8 @@ def step_of(
     made, why = _analytic(mesh, found)
     if made is None:
         return _of_patches(mesh, found, title, about, why, progress.subrange(0.2, 1.0))
-    off = face_deviations(made.distance, made.face, made.facets, made.solid.faces)
+    sigma = _sigma(mesh, measured_vertices(mesh))
+    off = face_deviations(made.distance, made.face, made.facets, made.solid.faces, sigma=sigma)
     file = _written(off, found, made.solid, title, about)
     closing = f", {made.added} of them planes of fillings, not measured" if made.added else ""
     return _told(mesh, found, file, closing, {"faces_not_measured": made.added})
@@ -172,21 +173,29 @@ def _of_patches(
         return _triangles(mesh, title, about, f"{why}, and of the solid with B-splines {wrong}")
     if left.any():
         solid = replace(solid, rest=submesh(mesh, left))
-    distance, chart = charts.distances(mesh)
+    distance, chart, vertex = charts.distances(mesh)
     face = np.full(len(charts.patches), -1, dtype=np.int32)
     face[list(shell.charts)] = np.arange(solid.faces)
     on = face[chart] >= 0
     alone = [n for n, k in enumerate(shell.charts) if k in charts.facets]
     facets = _on_faces(mesh, charts, face)
-    off = face_deviations(distance[on], face[chart[on]], facets, solid.faces, alone)
+    sigma = _sigma(mesh, vertex[on])
+    off = face_deviations(distance[on], face[chart[on]], facets, solid.faces, alone, sigma)
     try:
         made = _written(off, found, solid, title, about)
     except ExportError as e:
         return _triangles(mesh, title, about, f"{why}, and {e.message}")
     splines = sum(isinstance(charts.patches[k], SplinePatch) for k in shell.charts)
     flat = f", {len(alone)} triangles of the mesh where no surface fits" if alone else ""
-    pieces = f", {splines} of them B-splines{flat}: {why}"
-    more = {"faces_bspline": splines, "faces_triangles": len(alone), "triangles": int(left.sum())}
+    swept = sum(isinstance(charts.patches[k], ExtrudedPatch | TurnedPatch) for k in shell.charts)
+    drawn = f", {swept} of them swept" if swept else ""
+    pieces = f"{drawn}, {splines} of them B-splines{flat}: {why}"
+    more = {
+        "faces_swept": swept,
+        "faces_bspline": splines,
+        "faces_triangles": len(alone),
+        "triangles": int(left.sum()),
+    }
     told = _told(mesh, found, made, pieces, more)
     if not left.any():
         return told
@@ -194,6 +203,10 @@ def _of_patches(
     remedy = Remedy("allow for more with ", Option("tolerance"))
     rest = Finding("shapes.triangles", "warning", text, remedy=remedy)
     return replace(told, findings=(*told.findings, rest))
+
+
+def _sigma(mesh: Mesh, vertices: Bools | Longs) -> Floats | None:
+    return None if mesh.provenance is None else mesh.provenance.sigma[vertices]
 
 
 def _on_faces(mesh: Mesh, charts: Charts, face: Ints) -> Facets:
@@ -249,6 +262,7 @@ def _told(
         "coverage": found.coverage,
         "deviation_mean_mm": finite(float(np.mean(off.distance)) if len(off.distance) else np.nan),
         "deviation_rms_mm": finite(off.rms),
+        "deviation_over_sigma_rms": finite(off.rms_over_sigma),
         "deviation_p95_mm": finite(off.quantile(0.95)),
         "deviation_max_mm": finite(off.quantile(1.0)),
         "colour_width_mm": off.width,
@@ -261,9 +275,11 @@ def _told(
     solids = "a valid solid" if solid.solids == 1 else f"{solid.solids} valid solids"
     what = f"{solids if solid.closed else f'a valid shell, {where},'} of"
     volume = f": {solid.volume:.1f} mm³" if solid.closed else ""
+    times = off.rms_over_sigma
+    over = f", {times:.2f} of their own uncertainties (rms)" if np.isfinite(times) else ""
     text = (
         f"{what} {solid.faces} faces{pieces}{volume}; measured points lie {off.rms:.4f} mm (rms) "
-        f"off it, 95 % of them within {off.quantile(0.95):.4f} mm"
+        f"off it{over}, 95 % of them within {off.quantile(0.95):.4f} mm"
     )
     code = "shapes.solid" if solid.closed else "shapes.shell"
     return replace(made, findings=(Finding(code, "note", text),), figures=figures)

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh import Mesh, opposite_half_edges
 from turnscan.shapes.patches._charts import Charts
-from turnscan.shapes.patches._surfaces import Patch
+from turnscan.shapes.patches._patch import Patch
 
 _ROUNDS = 12
 """Steps in which a point goes to the middle of its feet on both surfaces."""

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.mesh import Mesh, measured_vertices, opposite_half_edges, smoothed_normals
 from turnscan.shapes.patches._fit import Sample, fitted_patch
-from turnscan.shapes.patches._surfaces import Patch, ShapePatch, SplinePatch, patch_of_shape
+from turnscan.shapes.patches._patch import Patch
+from turnscan.shapes.patches._surfaces import ShapePatch, SplinePatch, patch_of_shape
+from turnscan.shapes.patches._swept_surfaces import SweptPatch, extruded_patch, turned_patch
 from turnscan.shapes.primitives import ShapeSet
+from turnscan.shapes.primitives import _region_kernels as region
+from turnscan.shapes.swept import Swept
 
 _FEW = 40
 """Faces: smaller pieces go to a neighbour, and charts are not cut into smaller ones."""
@@ -20,10 +24,13 @@ _FILLING = 100
 _NEAR = 4.0
 """Of the tolerance: so near to a shape a small piece within it goes to it."""
 _SPREAD = 8
-"""Rings of faces beside a shape that are looked at: whether they lie on it, too."""
+"""Rings beside a shape, or a swept piece, that are looked at: whether they lie on it, too."""
 _OPEN = float(np.cos(np.deg2rad(55.0)))
 """Cosine of how far normals may lean from the middle one of a chart, nearly all of them."""
 _NEARLY = 0.99
+_SWEPT = 0.5
+"""Share of the measured vertices of a freeform chart that may belong to one swept piece, at least,
+for its profile to be tried."""
 _BEYOND = 2
 """Rings of faces round a chart that its spline is fitted to as well, so neighbours meet."""
 _CREASE = float(np.cos(np.deg2rad(20.0)))
@@ -47,26 +54,28 @@ class Charts:
     facets: frozenset[int] = frozenset()
     """Charts of one face of the mesh, which is its own surface."""
 
-    def distances(self, mesh: Mesh) -> tuple[Floats, Ints]:
-        """(n,) mm that measured vertices lie outside the surface of a face about them, and (n,) the
-        chart of that face; vertices without a surface are left out."""
+    def distances(self, mesh: Mesh) -> tuple[Floats, Ints, Longs]:
+        """(n,) mm that measured vertices lie outside the surface of a face about them, (n,) the
+        chart of that face, and (n,) which vertices these are: those without a surface are not."""
         near = np.full(len(mesh.vertices), -1, dtype=np.int32)
         have = np.array([p is not None for p in self.patches])[self.label]
         near[mesh.faces[have]] = self.label[have, None]
-        some = np.flatnonzero(measured_vertices(mesh) & (near >= 0))
+        some = np.flatnonzero(measured_vertices(mesh) & (near >= 0)).astype(np.int64)
         off = np.zeros(len(some))
         for k in np.unique(near[some]):
             patch, own = self.patches[k], near[some] == k
             assert patch is not None
             off[own] = patch.offsets(mesh.vertices[some[own]])[0]
-        return off, near[some]
+        return off, near[some], some
 
 
 class Charting:
-    """Cuts a mesh in charts: its shapes where vertices lie on them, else B-splines."""
+    """Cuts a mesh in charts: shapes where vertices lie on them, swept pieces, else B-splines."""
 
-    def __init__(self, mesh: Mesh, found: ShapeSet) -> None:
-        self.mesh, self.found = mesh, found
+    def __init__(self, mesh: Mesh, found: ShapeSet, swept: Sequence[Swept] = ()) -> None:
+        self.mesh, self.found, self.swept = mesh, found, swept
+        self.sweep = _with_rims(mesh, found.label < 0, swept)
+        """(v,) the swept piece that each vertex may belong to."""
         twin = opposite_half_edges(mesh.faces).reshape(-1, 3)
         self.beside = np.where(twin >= 0, twin // 3, -1)
         normal = smoothed_normals(mesh)
@@ -274,19 +283,41 @@ class Charting:
             return None
         if shape >= 0:
             return patch_of_shape(self.found.shapes[shape], self.mesh.vertices[corners])
-        return self._spline(faces, up, corners, piece)
+        return self._freeform(faces, up, corners, piece)
 
-    def _spline(self, faces: Ints, up: Floats, corners: Ints, piece: Ints) -> SplinePatch | None:
+    def _freeform(
+        self, faces: Ints, up: Floats, corners: Ints, piece: Ints
+    ) -> SweptPatch | SplinePatch | None:
         wide = np.unique(self.mesh.faces[self._around(faces, piece)])
         within = np.isin(wide, corners)
         known = self.known[wide]
         sample = Sample(
             self.mesh.vertices[wide], self.vertex_normal[wide], self.sigma[wide], known, within
         )
-        patch, off = fitted_patch(sample, up)
         asked = within & known if (within & known).any() else within
-        good = np.abs(off[asked]) <= self.limit[wide[asked]]
-        return patch if float(good.mean()) >= _NEARLY else None
+
+        def fits(off: Floats) -> bool:
+            return float((np.abs(off[asked]) <= self.limit[wide[asked]]).mean()) >= _NEARLY
+
+        one = self._sweep_of(corners)
+        if one is not None:
+            swept = (
+                extruded_patch(sample, one.axis, up)
+                if one.kind == "extrusion"
+                else turned_patch(sample, one.point, one.axis)
+            )
+            if swept is not None and fits(swept.offsets(sample.points)[0]):
+                return swept
+        patch, off = fitted_patch(sample, up)
+        return patch if fits(off) else None
+
+    def _sweep_of(self, corners: Ints) -> Swept | None:
+        """The swept piece that most measured vertices of a chart are of."""
+        of = self.sweep[corners[self.known[corners]]]
+        if not (of >= 0).any():
+            return None
+        most = int(np.bincount(of[of >= 0]).argmax())
+        return self.swept[most] if float((of == most).mean()) >= _SWEPT else None
 
     def _around(self, faces: Ints, piece: Ints) -> Ints:
         """The faces of a chart and the rings beyond, up to a crease or the end of its piece."""
@@ -360,6 +391,17 @@ class Charting:
         )
         number: Ints = connected_components(link, directed=False)[1].astype(np.int32)
         return number
+
+
+def _with_rims(mesh: Mesh, free: Bools, swept: Sequence[Swept]) -> Longs:
+    """(v,) the swept piece of a vertex, or of those near it, if no shape has it; −1 for none."""
+    out = np.full(len(mesh.vertices), -1, dtype=np.int64)
+    for k, one in enumerate(swept):
+        out[one.vertices] = k
+    if not len(swept):
+        return out
+    start, near = region.neighbours(mesh.faces, len(mesh.vertices))
+    return region.spread(out, free, start, near, _SPREAD)[0]
 
 
 def _evened(half: Ints, near: Ints) -> Ints:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +13,8 @@ from turnscan.shapes.patches._surfaces import DEGREE, SplinePatch
 
 _CELLS = (2, 4, 8, 16, 32)
 """Spans along the longer side of a patch, until more of them say no more."""
+_SPANS = (2, 4, 8, 16, 32, 64)
+"""The same of a profile."""
 _POINTS = 4.0
 """Points for each control point, at the least."""
 _GAIN = 0.99
@@ -24,6 +28,8 @@ _MARGIN = 0.05
 """Of its size: how far a patch reaches beyond its points, for edges that are moved a little."""
 _FILLED = 0.05
 """Of the weight of a measured point: what one in a filling has."""
+
+Fit = TypeVar("Fit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +47,11 @@ class Sample:
     within: Bools
     """(n,) True on the piece itself; the rest lies just beyond its border."""
 
+    def weight(self, lean: Floats) -> Floats:
+        """(n,) 1/mm² of the heights of points whose normals have these cosines (n,) with up."""
+        steep = np.clip(lean, 0.2, 1.0)
+        return np.asarray(np.where(self.known, 1.0, _FILLED) * (steep / self.sigma) ** 2)
+
 
 def fitted_patch(sample: Sample, up: Floats) -> tuple[SplinePatch, Floats]:
     """The patch over the plane across ``up`` (3,), and (n,) mm that the points lie outside of it.
@@ -56,27 +67,60 @@ def fitted_patch(sample: Sample, up: Floats) -> tuple[SplinePatch, Floats]:
     low, high = x[:, :2].min(axis=0), x[:, :2].max(axis=0)
     margin = _MARGIN * float(np.max(high - low)) + float(np.median(sample.sigma))
     low, high = low - margin, high + margin
-    steep = np.clip(sample.normals @ axes[2], 0.2, 1.0)
-    weight = np.where(sample.known, 1.0, _FILLED) * (steep / sample.sigma) ** 2
-    best: tuple[float, SplinePatch] | None = None
+    weight = sample.weight(sample.normals @ axes[2])
+
+    def tries() -> Iterator[tuple[float, SplinePatch]]:
+        for cells in _CELLS:
+            spans = np.maximum(np.ceil(cells * (high - low) / np.max(high - low)), 1).astype(int)
+            if cells > _CELLS[0] and np.prod(spans + DEGREE) * _POINTS > len(X):
+                return
+            u, v = (_clamped(a, b, n) for a, b, n in zip(low, high, spans, strict=True))
+            score, height = _solved(x, weight, (u, v))
+            yield score, SplinePatch(origin, axes, (u, v), height)
+
+    patch = _best(tries())
+    return patch, patch.offsets(X)[0]
+
+
+def fitted_profile(
+    along: Floats, height: Floats, weight: Floats, margin: float
+) -> tuple[Floats, Floats]:
+    """Knots and heights of the B-spline over a line through points (n,), chosen the same way.
+
+    It reaches ``margin`` mm and a little more beyond them.
+    """
+    low, high = float(along.min()), float(along.max())
+    margin += _MARGIN * (high - low)
+
+    def tries() -> Iterator[tuple[float, tuple[Floats, Floats]]]:
+        for spans in _SPANS:
+            if spans > _SPANS[0] and (spans + DEGREE) * _POINTS > len(along):
+                return
+            knots = _clamped(low - margin, high + margin, spans)
+            score, heights = _solved_profile(along, height, weight, knots)
+            yield score, (knots, heights)
+
+    return _best(tries())
+
+
+def _clamped(low: float, high: float, spans: int) -> Floats:
+    """Even knots of a B-spline that ends in its first and last control point."""
+    return np.asarray(np.r_[[low] * DEGREE, np.linspace(low, high, spans + 1), [high] * DEGREE])
+
+
+def _best(tries: Iterable[tuple[float, Fit]]) -> Fit:
+    """The fit of the least score, the finer ones last; none after some that were no better."""
+    best: tuple[float, Fit] | None = None
     worse = 0
-    for cells in _CELLS:
-        spans = np.maximum(np.ceil(cells * (high - low) / np.max(high - low)), 1).astype(int)
-        if best is not None and np.prod(spans + DEGREE) * _POINTS > len(X):
-            break
-        knots = tuple(
-            np.r_[[a] * DEGREE, np.linspace(a, b, n + 1), [b] * DEGREE]
-            for a, b, n in zip(low, high, spans, strict=True)
-        )
-        score, height = _solved(x, weight, (knots[0], knots[1]))
+    for score, fit in tries:
         if best is None or score < _GAIN * best[0]:
-            best, worse = (score, SplinePatch(origin, axes, (knots[0], knots[1]), height)), 0
+            best, worse = (score, fit), 0
             continue
         worse += 1
         if worse == _PATIENCE:
             break
     assert best is not None
-    return best[1], best[1].offsets(X)[0]
+    return best[1]
 
 
 def _axes(x: Floats, up: Floats) -> Floats:
@@ -111,12 +155,28 @@ def _solved(x: Floats, weight: Floats, knots: tuple[Floats, Floats]) -> tuple[fl
     return n * chi2 / free**2, c.reshape(shape)
 
 
+def _solved_profile(x: Floats, y: Floats, weight: Floats, knots: Floats) -> tuple[float, Floats]:
+    """The score of a line of knots, and its heights (n,) mm over points (n,)."""
+    from scipy.interpolate import BSpline
+    from scipy.linalg import solve
+
+    A = BSpline.design_matrix(x, knots, DEGREE).toarray()
+    scaled = weight[:, None] * A
+    normal = A.T @ scaled
+    own = np.diagonal(normal)
+    normal = normal + _SMOOTH * float(own[own > 0].mean()) * _squared(len(own), 2)
+    c = solve(normal, scaled.T @ y, assume_a="pos")
+    free = max(len(x) - int(np.count_nonzero(own > 0)), 1)
+    return len(x) * float(weight @ (y - A @ c) ** 2) / free**2, c
+
+
+def _squared(n: int, order: int) -> Floats:
+    """(n, n): the sum of the squared differences of that order, as a quadratic form."""
+    d = np.diff(np.eye(n), order, axis=0)
+    return np.asarray(d.T @ d)
+
+
 def _roughness(nu: int, nv: int) -> Floats:
     """(nu nv, nu nv): the sum of squared second differences of a grid, as a quadratic form."""
-
-    def squared(n: int, order: int) -> Floats:
-        d = np.diff(np.eye(n), order, axis=0)
-        return np.asarray(d.T @ d)
-
-    twice = np.kron(squared(nu, 2), np.eye(nv)) + np.kron(np.eye(nu), squared(nv, 2))
-    return np.asarray(twice + 2 * np.kron(squared(nu, 1), squared(nv, 1)))
+    twice = np.kron(_squared(nu, 2), np.eye(nv)) + np.kron(np.eye(nu), _squared(nv, 2))
+    return np.asarray(twice + 2 * np.kron(_squared(nu, 1), _squared(nv, 1)))

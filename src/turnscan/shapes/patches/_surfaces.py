@@ -19,6 +19,11 @@ _LINE = 1e-9
 """Of the square of its longest side: a triangle of less area is a line."""
 
 
+def greville(knots: Floats) -> Floats:
+    """(n,) where control points stand over a line that a B-spline runs along evenly."""
+    return np.asarray(np.convolve(knots[1:-1], np.ones(DEGREE), "valid") / DEGREE)
+
+
 @dataclass(frozen=True, eq=False)
 class SplinePatch:
     """A height over a plane as a tensor-product B-spline: (u, v) are mm in the plane.
@@ -69,7 +74,7 @@ class SplinePatch:
     @property
     def control(self) -> Floats:
         """(nu, nv, 3) mm: the control points."""
-        u, v = (np.convolve(t[1:-1], np.ones(DEGREE), "valid") / DEGREE for t in self.knots)
+        u, v = map(greville, self.knots)
         plane = u[:, None, None] * self.axes[0] + v[None, :, None] * self.axes[1]
         return np.asarray(self.origin + plane + self.height[..., None] * self.axes[2])
 
@@ -133,9 +138,6 @@ class FlatPatch:
     def gaps(self, points: Floats) -> Floats:
         """(n,) mm between points (n, 3) and the plane."""
         return np.asarray(np.abs((points - self.origin) @ self.axes[2]))
-
-
-Patch = SplinePatch | ShapePatch | FlatPatch
 
 
 def flat_patch(corners: Floats) -> FlatPatch | None:

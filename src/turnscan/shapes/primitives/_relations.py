@@ -61,13 +61,16 @@ class Adopted:
         """(m, 7 n) how values (m,) of some shapes change with a move, by central differences."""
         some = self.q[list(shapes)]
         A = np.zeros((len(of(some)), len(self.covariance)))
+        there, back = some.copy(), some.copy()
         for i, k in enumerate(shapes):
+            e1, e2 = self._across(k, some[i, 3:6])
             for j in range(7):
-                there, back, step = some.copy(), some.copy(), np.zeros(7)
+                step = np.zeros(7)
                 step[j] = _TINY
-                there[i] = self._moved_one(k, some[i], step)
-                back[i] = self._moved_one(k, some[i], -step)
+                there[i] = surface.moved_across(some[i], e1, e2, step)
+                back[i] = surface.moved_across(some[i], e1, e2, -step)
                 A[:, 7 * k + j] = (of(there) - of(back)) / (2 * _TINY)
+            there[i] = back[i] = some[i]
         return A
 
     def _moved_one(self, k: int, q: Floats, step: Floats) -> Floats:
@@ -77,7 +80,7 @@ class Adopted:
         """The frame of a shape, square to its axis as it is now."""
         e1 = self.frames[k, 0] - (self.frames[k, 0] @ axis) * axis
         e1 /= np.linalg.norm(e1)
-        return e1, np.cross(axis, e1)
+        return e1, _cross(axis, e1)
 
     def in_own_frames(self) -> Adopted:
         """The covariance of the parameters in the `frame` of each axis as it is now."""
@@ -295,18 +298,25 @@ def _of_axes(kinds: list[int], q: Floats, i: int, j: int) -> Iterator[_Candidate
         )
         if round_both:
             size = min(q[i, 6], q[j, 6])
-            away = np.cross(q[i, :3] - q[j, :3], q[j, 3:6])
+            away = _cross(q[i, :3] - q[j, :3], q[j, 3:6])
             if float(np.linalg.norm(away)) < 0.2 * max(size, 1e-9):
                 yield _Candidate("coaxial", (i, j), _coaxial(across), max(_SHARE * size, 1e-9))
     elif dot < np.sin(_LOOK):
         yield _Candidate("parallel" if crossed else "perpendicular", (i, j), _square, _ANGLE)
 
 
+def _cross(a: Floats, b: Floats) -> Floats:
+    """a × b of single vectors (3,): `numpy.cross` takes twenty times as long to get ready."""
+    x, y, z = a.tolist()
+    u, v, w = b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
 def _aligned(across: Floats) -> Condition:
     """Two axes in line. ``across`` (2, 3) is square to them, nearly, and stays: see `Adopted`."""
 
     def off(q: Floats) -> Floats:
-        return np.asarray(across @ np.cross(q[0, 3:6], q[1, 3:6]))
+        return np.asarray(across @ _cross(q[0, 3:6], q[1, 3:6]))
 
     return off
 
@@ -319,7 +329,7 @@ def _coaxial(across: Floats) -> Condition:
     """The point of one axis on the other, ``across`` as in `_aligned`."""
 
     def off(q: Floats) -> Floats:
-        return np.asarray(across @ np.cross(q[0, :3] - q[1, :3], q[1, 3:6]))
+        return np.asarray(across @ _cross(q[0, :3] - q[1, :3], q[1, 3:6]))
 
     return off
 
