@@ -28,14 +28,14 @@ def _leaning(mesh: Mesh) -> Mesh:
 def _lobes() -> Mesh:
     r = 15 + 2.4 * np.sin(3 * TURN) + 1.2 * np.cos(5 * TURN)
     flat = zip(r * np.cos(TURN), r * np.sin(TURN), strict=True)
-    return prism([(float(x), float(y)) for x, y in flat], 15, 0.8)
+    return prism([(float(x), float(y)) for x, y in flat], 20, 0.8)
 
 
 def _vase() -> Mesh:
-    z = np.linspace(0, 20, 31)
+    z = np.linspace(0, 30, 41)
     r = 12 + 2 * np.sin(z / 5) + np.sin(z / 2.2)
     wall = [(float(a), float(b)) for a, b in zip(r, z, strict=True)]
-    return turned([(0.4, 0.0), *wall, (0.4, 20.0)], 0.8, 110)
+    return turned([(0.4, 0.0), *wall, (0.4, 30.0)], 0.8, 110)
 
 
 @pytest.mark.parametrize(
