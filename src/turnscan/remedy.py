@@ -57,3 +57,17 @@ class Remedy:
     def worded(self, word: Callable[[Option], str]) -> str:
         """In the words of a door, which says by ``word`` how it calls an option."""
         return "".join(part if isinstance(part, str) else word(part) for part in self.parts)
+
+
+def plain_words(remedy: str | Remedy) -> str:
+    """What to do, each option of it by its name in quotes, as people read it in pages and reports.
+
+    >>> plain_words(Remedy("give its width (", Option("margin_mm"), ")"))
+    'give its width (“margin mm”)'
+    """
+    return remedy if isinstance(remedy, str) else remedy.worded(_in_quotes)
+
+
+def _in_quotes(option: Option) -> str:
+    name = option.name.replace("_", " ")
+    return f"“{name}”" if option.value is None else f"“{name} {option.value_text}”"

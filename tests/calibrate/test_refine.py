@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -477,3 +478,34 @@ def test_a_cylinder_whose_ends_are_seen_is_refused() -> None:
     with pytest.raises(Degenerate, match="its ends or other things were seen") as refused:
         refine(rig, sweeps, replace(QUICK, queries=300, body=(Round(), ((14.0, 0.005),))))
     assert "ends out of sight" in str(refused.value.hint)
+
+
+def test_a_second_scan_makes_a_rig_as_much_better_as_was_said() -> None:
+    """The table's angles were measured, and the bar gives the scale: only noise is left."""
+    true, some = two_lasers(), STEPS[::2]
+    scans = [
+        [replace(s, moved=False) for s in both(true, bar, some, some, seed, every=12)]
+        for seed in (3, 4)
+    ]
+    known = ((10.0, 0.005), (10.0, 0.005), (38.0, 0.003))
+    settings = replace(QUICK, queries=300, rounds=3, body=(Balls(2), known))
+    one, two = (refine(doubted(true, 0.3, 0.1), sweeps, settings)
+                for sweeps in (scans[0], [*scans[0], *scans[1]]))  # fmt: skip
+    assert one.advice.stage == "again"
+    assert not one.advice.undetermined
+    said = re.search(r"from (0\.\d+) to (0\.\d+) mm", one.advice.text)
+    assert said is not None
+    before, after = map(float, said.groups())
+    assert before == pytest.approx(one.shape_after, abs=1e-3)
+    assert after == pytest.approx(two.shape_after, rel=0.2)
+    assert after < 0.85 * before
+
+
+def test_what_one_turn_of_the_table_leaves_open_is_asked_for() -> None:
+    true, some = two_lasers(), STEPS[::2]
+    known = ((10.0, 0.005), (10.0, 0.005), (38.0, 0.003))
+    settings = replace(QUICK, queries=300, rounds=2, body=(Balls(2), known))
+    done = refine(doubted(true, 0.3, 0.1), both(true, bar, some, some, 3, every=12), settings)
+    assert done.advice.undetermined == ("table: play between the two ways of turning",)
+    assert done.advice.stage == "table"
+    assert "there and back" in done.advice.text

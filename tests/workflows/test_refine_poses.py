@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,9 +71,20 @@ def test_a_rig_whose_surfaces_agree_nowhere_is_refined_by_two_poses(tmp_path: Pa
     sign = np.random.default_rng(1).choice([-1.0, 1.0], len(known.covariance))
     wrong = known.perturbed(sign * np.sqrt(np.diag(known.covariance)))
     wrong = replace(wrong, covariance=known.covariance)
-    done = refine(paths, tmp_path / "rig.json", rig=wrong).refined
+    report = tmp_path / "report.html"
+    made = refine(paths, tmp_path / "rig.json", rig=wrong, report=report)
+    done = made.refined
     assert roundness(true, wrong) > 1.0
     # Noise of the stripes leaves some of it: none would be a comparison with itself.
     assert 0.003 < roundness(true, done.rig) < 0.1
     assert done.gap_after < 1.2 * done.gap_noise
     assert math.isfinite(done.gap_before)
+    # Two poses say nothing of the scale, and so a known length would help most.
+    assert done.advice.stage == "body"
+    assert "the scale of all lengths" in done.advice.undetermined
+    text = report.read_text()
+    for said in (done.advice.text, "up.turnscan, tipped.turnscan", "rotation axis: shift right"):
+        assert said in text, said
+    assert text.count("<img") == 1
+    for raw in (text, str(made)):
+        assert not re.search(r"(table|right|motion|camera)\.[a-z]+", raw)

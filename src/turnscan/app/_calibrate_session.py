@@ -14,11 +14,12 @@ from turnscan.app import _requests as q
 from turnscan.app._encode_picture import jpeg
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Hub
-from turnscan.app._jobs import Job, Jobs, Result, in_words, remarks
+from turnscan.app._jobs import Job, Jobs, Result, remarks
 from turnscan.app._library import Library
 from turnscan.app._live import Board, see
 from turnscan.app._rig_session import RigRoom
 from turnscan.errors import CalibrationError, InputError
+from turnscan.remedy import plain_words
 from turnscan.workflows import (
     CELL_COLUMNS,
     CELL_ROWS,
@@ -152,7 +153,7 @@ class CalibrateRoom:
             try:
                 done = live.finish(job.check)
             except CalibrationError as e:
-                self._judge("refused", e.message, in_words(e.hint))
+                self._judge("refused", e.message, plain_words(e.hint))
                 raise
             job.check()
             self._library.write(page, done.report.encode())
@@ -168,7 +169,7 @@ class CalibrateRoom:
         file = self._library.name_of(page)
         refusal, written = done.refusal, path.name if done.refusal is None else ""
         text = done.text if refusal is None else refusal.message
-        hint = "" if refusal is None else in_words(refusal.hint)
+        hint = "" if refusal is None else plain_words(refusal.hint)
         if refusal is None and done.rig.lacking:
             text = f"{' and '.join(done.rig.lacking)} of this rig is not calibrated yet"
             hint = "take the pictures that are missing, then calibrate again"

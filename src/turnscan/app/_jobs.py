@@ -16,7 +16,7 @@ from turnscan.app._protocol import JobState, Remark, RemedyOption, ResultFile, R
 from turnscan.errors import SafetyError, TurnscanError
 from turnscan.findings import Finding
 from turnscan.progress import Cancelled, Progress
-from turnscan.remedy import Option, Remedy
+from turnscan.remedy import Option, Remedy, plain_words
 
 What = Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb", "demo"]
 _TELL_EVERY = 0.1
@@ -235,7 +235,7 @@ class Jobs:
             job.tell("cancelled")
         except TurnscanError as e:
             stopped = job.cancelled and not isinstance(e, SafetyError)
-            text, hint = self._hub.hide(e.message), self._hub.hide(in_words(e.hint))
+            text, hint = self._hub.hide(e.message), self._hub.hide(plain_words(e.hint))
             job.tell("cancelled" if stopped else "failed", Result(text), hint, options_of(e))
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
@@ -248,11 +248,6 @@ class Jobs:
             job.over = True
             with self._lock:
                 self._threads.discard(threading.current_thread())
-
-
-def in_words(remedy: str | Remedy) -> str:
-    """What to do, each option of it by its name in quotes, as the page shows it."""
-    return remedy if isinstance(remedy, str) else remedy.worded(_option_in_words)
 
 
 def options_of(error: TurnscanError) -> list[RemedyOption]:
@@ -271,11 +266,6 @@ def _options(options: Sequence[Option]) -> list[RemedyOption]:
     ]
 
 
-def _option_in_words(option: Option) -> str:
-    name = option.name.replace("_", " ")
-    return f"“{name}”" if option.value is None else f"“{name} {option.value_text}”"
-
-
 def remarks(findings: Sequence[Finding], hide: Callable[[str], str]) -> list[Remark]:
     """Findings in the words of the browser; ``hide`` takes paths of this computer out of them."""
     return [
@@ -284,7 +274,7 @@ def remarks(findings: Sequence[Finding], hide: Callable[[str], str]) -> list[Rem
             severity=f.severity,
             text=hide(f.message),
             where=hide(f.where),
-            remedy=hide(in_words(f.remedy)),
+            remedy=hide(plain_words(f.remedy)),
             options=_options(_named(f.remedy)),
         )
         for f in findings

@@ -22,7 +22,7 @@ from turnscan.app._files import Files
 from turnscan.app._gallery import OWN
 from turnscan.app._hub import Client, Hub
 from turnscan.app._import_session import ImportRoom
-from turnscan.app._jobs import Job, Jobs, Result, in_words, options_of, remarks
+from turnscan.app._jobs import Job, Jobs, Result, options_of, remarks
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._request_guard import name_of
@@ -35,6 +35,7 @@ from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.memory import give_back
 from turnscan.progress import Cancelled
+from turnscan.remedy import plain_words
 from turnscan.workflows import EditChanges, NotOpen, Stale, edits, read_rig_file
 
 _log = logging.getLogger("turnscan.app")
@@ -294,7 +295,7 @@ class Workshop:
             self.hub.tell(message or p.Done(id=call.id), arrays, to=client)
 
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
-        text, hint = self.hub.hide(e.message), self.hub.hide(in_words(e.hint))
+        text, hint = self.hub.hide(e.message), self.hub.hide(plain_words(e.hint))
         self.hub.tell(
             p.Refused(id=call.id, code=code, text=text, hint=hint, options=options_of(e)),
             to=call.client,

@@ -10,6 +10,7 @@ from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND, BOARD, RIDER
 from turnscan.calibrate._quality import CalibrationQuality
 from turnscan.calibrate._rig import Calibration
+from turnscan.calibrate._words import parameter_in_words
 from turnscan.findings import Finding
 from turnscan.remedy import Option, Remedy
 
@@ -285,7 +286,10 @@ def _of_fit(c: Calibration) -> list[Finding]:
         )
     pairs = strong_correlations(c)
     if pairs:
-        worst = ", ".join(f"{a} with {b} ({r:+.3f})" for a, b, r in pairs[:4])
+        worst = "; ".join(
+            f"{parameter_in_words(a)} with {parameter_in_words(b)} ({r:+.3f})"
+            for a, b, r in pairs[:4]
+        )
         out.append(
             Finding(
                 "calibrate.correlated",

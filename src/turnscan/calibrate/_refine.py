@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import Fit
+from turnscan.calibrate._advice import Advice
 from turnscan.calibrate._approach import approach, refuse_strayed
 from turnscan.calibrate._bodies import Body, Form, Known
 from turnscan.calibrate._bodies_found import again, find_body, refuse_ends
@@ -17,6 +18,7 @@ from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Part
 from turnscan.calibrate._prior import moved_by
 from turnscan.calibrate._quality import Measured
+from turnscan.calibrate._refine_advice import refine_advice
 from turnscan.calibrate._shape import shape_doubt
 from turnscan.calibrate._shared import with_shared_noise
 from turnscan.calibrate._surfaces import (
@@ -28,6 +30,7 @@ from turnscan.calibrate._surfaces import (
     motion_known,
 )
 from turnscan.calibrate._sweeps import Sweep, doubt_of, thinned, turns_of
+from turnscan.calibrate._words import parameter_in_words
 from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Pose, Rig, TableMotion
@@ -106,6 +109,8 @@ class Refined:
     dropped: tuple[str, ...]
     """Errors of the table that the scans do not ask for."""
     fit: Fit[Surfaces]
+    advice: Advice
+    """What is still undetermined, in words, and the scan that would help most."""
 
 
 def refine(
@@ -183,7 +188,7 @@ def _refuse_open(done: Refined, name: str) -> None:
     if done.shape_after <= enough:
         return
     # What turns or lifts the part in its frame shows in no surface, and bends none.
-    names = [n for n in done.held if not n.startswith("motion.")]
+    names = [parameter_in_words(n) for n in done.held if not n.startswith("motion.")]
     raise Degenerate(
         f"the {name} stands so that it says too little: what the rig measures may be bent by "
         f"{done.shape_after:.2f} mm (rms), {done.shape_before:.2f} mm before; open are "
@@ -494,7 +499,8 @@ def _told(
         if f and ".place" not in n and not n.startswith("pose")
     }
     bent = [shape_doubt(r, network.sweeps) for r in (before, rig)]
+    advice = refine_advice(rig, fit, free, held, network.sweeps, bent[1])
     return Refined(
         rig, gap_before, last[0], last[1], bent[0], bent[1], last[2], estimated, tuple(held),
-        dropped, fit,
+        dropped, fit, advice,
     )  # fmt: skip

@@ -26,6 +26,7 @@ _path = click.Path(path_type=Path)
     "any part as it is drawn (STL, STEP).",
 )
 @click.option("-o", "--output", required=True, type=_path, help="rig.json to write.")
+@click.option("--report", type=_path, help="HTML report to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def verb(
     scans: tuple[Path, ...],
@@ -33,6 +34,7 @@ def verb(
     options: workflows.RefineOptions,
     artefact: Path | None,
     output: Path,
+    report: Path | None,
     as_json: bool,
 ) -> None:
     """Improve a rig by SCANS, of any part seen by two lasers or in two poses, or of a known body.
@@ -46,6 +48,6 @@ def verb(
     """
     with progress_bar() as progress:
         done = workflows.refine(
-            scans, output, options, rig=rig, artefact=artefact, progress=progress
+            scans, output, options, rig=rig, artefact=artefact, report=report, progress=progress
         )
     click.echo(done.figures() if as_json else str(done))

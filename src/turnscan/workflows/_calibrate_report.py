@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.calibrate import Advice, Calibration, CalibrationQuality, parameters_of
+from turnscan.calibrate import (
+    Advice,
+    Calibration,
+    CalibrationQuality,
+    parameter_in_words,
+    parameters_of,
+)
 from turnscan.findings import Finding
 from turnscan.scan import read_picture
 from turnscan.workflows import _html
@@ -68,7 +74,10 @@ def report_html(
             ],
         ),
         _html.heading("Parameters"),
-        _html.table(("parameter", "value", "standard uncertainty"), parameters_of(c)),
+        _html.table(
+            ("parameter", "value", "standard uncertainty"),
+            [(parameter_in_words(name), *rest) for name, *rest in parameters_of(c)],
+        ),
         _html.heading("Pictures not used"),
         _html.table(("role", "picture", "why"), [(r.role, r.name, r.reason) for r in c.rejected]),
         *(

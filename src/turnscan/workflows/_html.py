@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from turnscan import __version__
 from turnscan.arrays import Image
 from turnscan.findings import Finding
+from turnscan.remedy import plain_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,7 +70,7 @@ def findings(found: Sequence[Finding]) -> str:
     lines = []
     for f in sorted(found, key=lambda f: order[f.severity]):
         where = f" [{html.escape(f.where)}]" if f.where else ""
-        remedy = f"<br>→ {html.escape(str(f.remedy))}" if f.remedy else ""
+        remedy = f"<br>→ {html.escape(plain_words(f.remedy))}" if f.remedy else ""
         lines.append(
             f'<p class="{f.severity}"><b>{html.escape(f.code)}</b>{where}: '
             f"{html.escape(f.message)}{remedy}</p>"

@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from turnscan import points, poses
-from turnscan.calibrate import Measured, Refined, RefineSettings, Sweep
+from turnscan.calibrate import (
+    Measured,
+    Refined,
+    RefineSettings,
+    Sweep,
+    amount_in_words,
+    parameter_in_words,
+)
 from turnscan.calibrate import refine as adjust_rig
 from turnscan.detection import Detection, detect_scan
 from turnscan.errors import CalibrationError, InputError
@@ -72,16 +79,20 @@ class RefinedRig:
                 f"what the rig measures may be bent by {r.shape_after:.3f} mm (rms), "
                 f"{r.shape_before:.3f} mm before"
             )
-        lines += [f"  {name}: {_worded(name, m)}" for name, m in r.estimated.items()]
+        lines += [
+            f"  {parameter_in_words(name)}: {amount_in_words(name, m.value, m.sigma)}"
+            for name, m in r.estimated.items()
+        ]
         if r.dropped:
-            lines.append(f"not asked for by the scan: {', '.join(r.dropped)}")
+            lines.append(f"not asked for by the scan: {_listed(r.dropped)}")
         if r.held:
-            lines.append(f"the scan says little or nothing of: {', '.join(r.held)}")
+            lines.append(f"the scan says little or nothing of: {_listed(r.held)}")
         if "scale" in r.held:
             lines.append(
                 "shapes and angles are right up to scale: all lengths may be off by one factor, "
                 "until one length of the part is given"
             )
+        lines.append(f"what would help most: {r.advice.text}")
         return "\n".join([*lines, f"{self.path}: written"])
 
     def figures(self) -> str:
@@ -98,6 +109,7 @@ class RefinedRig:
                 "estimated": {n: [m.value, m.sigma] for n, m in r.estimated.items()},
                 "dropped": r.dropped,
                 "held": r.held,
+                "would_help": r.advice.text,
             },
             indent=1,
         )
@@ -110,6 +122,7 @@ def refine(
     *,
     rig: Rig | str | PathLike[str] | None = None,
     artefact: str | PathLike[str] | None = None,
+    report: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
     **changes: Any,
 ) -> RefinedRig:
@@ -135,6 +148,8 @@ def refine(
         sheets and axis as they are.
     artefact
         File of a measured sphere or ball bar, as `verify` takes it, or of a drawn part (STL, STEP).
+    report
+        HTML report to write, ``….html``.
     progress
         Told how far it is; it may cancel.
     changes
@@ -162,6 +177,10 @@ def refine(
     output = Path(output)
     wanted = chosen(RefineOptions, options, changes)
     body = _checked(paths, output, wanted, artefact)
+    if report is not None:
+        report = Path(report)
+        inputs = [*paths, output, *([Path(artefact)] if artefact is not None else [])]
+        check_output(report, (".html",), inputs)
     begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
     seen = list[_Seen]()
     for k, path in enumerate(paths):
@@ -175,6 +194,10 @@ def refine(
     done = _adjusted(first, sweeps, limits, lies, part)
     evidence = (*first.evidence, *(one.evidence for one in seen))
     done = replace(done, rig=replace(done.rig, evidence=evidence))
+    if report is not None:
+        from turnscan.workflows._refine_report import refine_html
+
+        write_atomically(report, refine_html(first, done, [p.name for p in paths]).encode())
     write_atomically(output, rig_to_json(done.rig).encode())
     return RefinedRig(output, done)
 
@@ -403,8 +426,5 @@ def table_findings(seen: Sequence[Detection], grids: Sequence[RangeGrid]) -> lis
     ]
 
 
-def _worded(name: str, m: Measured) -> str:
-    angle = name.startswith("motion.") or ".turn_" in name or name.endswith("angle")
-    unit = "°" if angle else " mm"
-    value, sigma = (math.degrees(m.value), math.degrees(m.sigma)) if angle else (m.value, m.sigma)
-    return f"{value:+.4f} ± {sigma:.4f}{unit}"
+def _listed(names: Sequence[str]) -> str:
+    return "; ".join(map(parameter_in_words, names))
