@@ -70,7 +70,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = cli("scan", path, "--device", BENCH, "--steps", "14")
     assert done.exit_code == 0, done.output
     assert "threshold" in done.output
-    assert "14 frames taken; whole" in done.output
+    assert "a.turnscan: SIMULATED, of no real part: 14 frames taken; whole" in done.output
     assert "SIMULATED" in done.output
     return path
 

@@ -76,4 +76,5 @@ def show_taken(done: workflows.TakenScan) -> None:
     if done.camera:
         click.echo(f"camera: {done.camera}", err=True)
     lost = f", {done.missing} missing" if done.missing else ""
-    click.echo(f"{done.path}: {done.frames} frames taken{lost}; whole")
+    made = "SIMULATED, of no real part: " if done.simulated else ""
+    click.echo(f"{done.path}: {made}{done.frames} frames taken{lost}; whole")

@@ -80,6 +80,8 @@ class TakenScan:
     """False where somebody aborted it."""
     camera: str = ""
     """What the camera made to be taken again; empty for nothing."""
+    simulated: str = ""
+    """Address of the simulated rig that took it; empty for real devices."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +223,7 @@ def resume(
         again = forget_bad(file) if retake else 0
         left = steps_left(how.plan, file)
         if not left:
-            return TakenScan(file.path, how.plan.steps, 0, 0, 0, True)
+            return TakenScan(file.path, how.plan.steps, 0, 0, 0, True, simulated=_simulated(file))
         check_space(file, how.plan, left)
         known = Addresses(how.camera, how.turntable, how.lasers)
         with opened_devices(devices, known) as bench:
@@ -283,5 +285,11 @@ def _take(
     outcome = run(plan, hardware, file, first=first, listener=hear, control=control)
     camera = hardware.camera.retaken if isinstance(hardware.camera, Steady) else ""
     return TakenScan(
-        file.path, plan.steps, left, outcome.frames, outcome.missing, outcome.complete, camera
-    )
+        file.path, plan.steps, left, outcome.frames, outcome.missing, outcome.complete, camera,
+        _simulated(file),
+    )  # fmt: skip
+
+
+def _simulated(file: Scan) -> str:
+    """The address of the simulated rig that takes the scan; empty for real devices."""
+    return file.plan.source if file.plan.source.startswith("sim:") else ""
