@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tests.calibrate.bodies import eccentric, two_lasers
-from turnscan.calibrate import amount_in_words, parameter_in_words
+from turnscan.calibrate._words import amount_in_words, parameter_in_words
 
 
 def test_every_parameter_of_a_rig_has_words_of_its_own() -> None:

@@ -35,7 +35,6 @@ from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import angle_model
 from turnscan.calibrate._sweeps import Sweep
 from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
-from turnscan.calibrate._words import amount_in_words, parameter_in_words
 
 __all__ = [
     "Advice",
@@ -59,7 +58,6 @@ __all__ = [
     "Sweep",
     "TablePicture",
     "advice_of",
-    "amount_in_words",
     "angle_model",
     "aruco_dictionary",
     "calibrate_rig",
@@ -75,7 +73,6 @@ __all__ = [
     "moved_platter",
     "other_chessboard",
     "outlines_of",
-    "parameter_in_words",
     "parameters_of",
     "parse_board",
     "picture_fault",

@@ -8,13 +8,14 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
+from turnscan.calibrate._words import parameter_in_words
 
 _PIXELS = ("fx", "fy", "cx", "cy")
 _BOW = ("aa", "ab", "bb")
 
 
 def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
-    """Name, value with unit, standard uncertainty; of directions the uncertainty alone."""
+    """Name in words, value with unit, standard uncertainty; of directions the uncertainty alone."""
     state = c.fit.state
     rig, layout = state.rig, state.layout
     camera = rig.camera
@@ -37,7 +38,11 @@ def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
     values |= {n: f"{v:.3g} 1/mm" for n, v in zip(BEND, state.bend, strict=True)}
     sigma = np.sqrt(np.diag(c.fit.covariance))
     return [
-        (name, values.get(name, ""), _uncertainty(name, float(s)) if s > 0 else "held fixed")
+        (
+            parameter_in_words(name),
+            values.get(name, ""),
+            _uncertainty(name, float(s)) if s > 0 else "held fixed",
+        )
         for name, s in zip(c.network.names, sigma, strict=True)
     ]
 

@@ -30,7 +30,7 @@ from turnscan.calibrate._surfaces import (
     motion_known,
 )
 from turnscan.calibrate._sweeps import Sweep, doubt_of, thinned, turns_of
-from turnscan.calibrate._words import parameter_in_words
+from turnscan.calibrate._words import amount_in_words, parameter_in_words
 from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Pose, Rig, TableMotion
@@ -111,6 +111,28 @@ class Refined:
     fit: Fit[Surfaces]
     advice: Advice
     """What is still undetermined, in words, and the scan that would help most."""
+    known: dict[str, float]
+    """Standard uncertainties of the rig's parameters before, by name, as of `estimated`."""
+
+    @property
+    def worded(self) -> list[tuple[str, str, str]]:
+        """Of `estimated`: what it is, how far it moved (or its value) with its uncertainty, and the
+        uncertainty of before, in words."""
+        return [
+            (
+                parameter_in_words(name),
+                amount_in_words(name, m.value, m.sigma),
+                amount_in_words(name, 0.0, self.known[name]).partition("± ")[2]
+                if name in self.known
+                else "–",
+            )
+            for name, m in self.estimated.items()
+        ]
+
+    @property
+    def left_out(self) -> str:
+        """`dropped`, in words."""
+        return "; ".join(map(parameter_in_words, self.dropped))
 
 
 def refine(
@@ -466,8 +488,10 @@ def _told(
     )  # fmt: skip
     held = []
     covariance = None
+    known = dict[str, float]()
     if before.covariance is not None:
         old = np.sqrt(np.diag(before.covariance))
+        known = dict(zip(before.parameter_names, map(float, old), strict=True))
         covariance = np.array(before.covariance)
         part = np.flatnonzero(free[:p])
         covariance[part, :] = 0.0
@@ -502,5 +526,5 @@ def _told(
     advice = refine_advice(rig, fit, free, held, network.sweeps, bent[1])
     return Refined(
         rig, gap_before, last[0], last[1], bent[0], bent[1], last[2], estimated, tuple(held),
-        dropped, fit, advice,
+        dropped, fit, advice, known,
     )  # fmt: skip

@@ -13,7 +13,6 @@ from turnscan.calibrate import (
     Advice,
     Calibration,
     CalibrationQuality,
-    parameter_in_words,
     parameters_of,
 )
 from turnscan.findings import Finding
@@ -74,10 +73,7 @@ def report_html(
             ],
         ),
         _html.heading("Parameters"),
-        _html.table(
-            ("parameter", "value", "standard uncertainty"),
-            [(parameter_in_words(name), *rest) for name, *rest in parameters_of(c)],
-        ),
+        _html.table(("parameter", "value", "standard uncertainty"), parameters_of(c)),
         _html.heading("Pictures not used"),
         _html.table(("role", "picture", "why"), [(r.role, r.name, r.reason) for r in c.rejected]),
         *(

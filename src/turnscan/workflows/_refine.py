@@ -18,8 +18,6 @@ from turnscan.calibrate import (
     Refined,
     RefineSettings,
     Sweep,
-    amount_in_words,
-    parameter_in_words,
 )
 from turnscan.calibrate import refine as adjust_rig
 from turnscan.detection import Detection, detect_scan
@@ -79,14 +77,11 @@ class RefinedRig:
                 f"what the rig measures may be bent by {r.shape_after:.3f} mm (rms), "
                 f"{r.shape_before:.3f} mm before"
             )
-        lines += [
-            f"  {parameter_in_words(name)}: {amount_in_words(name, m.value, m.sigma)}"
-            for name, m in r.estimated.items()
-        ]
+        lines += [f"  {what}: {amount}" for what, amount, _ in r.worded]
         if r.dropped:
-            lines.append(f"not asked for by the scan: {_listed(r.dropped)}")
+            lines.append(f"not asked for by the scan: {r.left_out}")
         if r.held:
-            lines.append(f"the scan says little or nothing of: {_listed(r.held)}")
+            lines.append(f"the scan says little or nothing of: {'; '.join(r.advice.undetermined)}")
         if "scale" in r.held:
             lines.append(
                 "shapes and angles are right up to scale: all lengths may be off by one factor, "
@@ -197,7 +192,7 @@ def refine(
     if report is not None:
         from turnscan.workflows._refine_report import refine_html
 
-        write_atomically(report, refine_html(first, done, [p.name for p in paths]).encode())
+        write_atomically(report, refine_html(done, [p.name for p in paths]).encode())
     write_atomically(output, rig_to_json(done.rig).encode())
     return RefinedRig(output, done)
 
@@ -424,7 +419,3 @@ def table_findings(seen: Sequence[Detection], grids: Sequence[RangeGrid]) -> lis
             "that it writes",
         )
     ]
-
-
-def _listed(names: Sequence[str]) -> str:
-    return "; ".join(map(parameter_in_words, names))

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.calibrate import Refined, amount_in_words, parameter_in_words
-from turnscan.rig import Rig
+from turnscan.calibrate import Refined
 from turnscan.workflows import _html
 
 if TYPE_CHECKING:
@@ -18,8 +17,8 @@ _TURN = 361
 """Places of a turn at which the table's error is drawn."""
 
 
-def refine_html(before: Rig, done: Refined, scans: Sequence[str]) -> str:
-    """The report as one HTML page; ``before`` is the rig that was given."""
+def refine_html(done: Refined, scans: Sequence[str]) -> str:
+    """The report as one HTML page."""
     parts = [
         _html.table(("", ""), _summary(done, scans)),
         _html.heading("What is still open"),
@@ -36,15 +35,14 @@ def refine_html(before: Rig, done: Refined, scans: Sequence[str]) -> str:
             "How far each moved with its standard uncertainty, and that of before; sizes of bodies "
             "and errors of the table: their value."
         ),
-        _html.table(("parameter", "moved by, or value", "uncertainty before"), _rows(before, done)),
+        _html.table(("parameter", "moved by, or value", "uncertainty before"), done.worded),
     ]
     if done.rig.motion is not None and np.any(done.rig.motion.values):
         parts.append(
             _html.picture(_table(done), "By how much the table is off its commanded angle, k = 2.")
         )
     if done.dropped:
-        names = "; ".join(map(parameter_in_words, done.dropped))
-        parts.append(_html.paragraph(f"Not asked for by the scan, and left out: {names}."))
+        parts.append(_html.paragraph(f"Not asked for by the scan, and left out: {done.left_out}."))
     return _html.page("Refinement of a rig", parts)
 
 
@@ -62,23 +60,6 @@ def _summary(done: Refined, scans: Sequence[str]) -> list[tuple[str, str]]:
             ("what the rig may bend, after", f"{done.shape_after:.3f} mm rms"),
         ]
     return rows
-
-
-def _rows(before: Rig, done: Refined) -> list[tuple[str, str, str]]:
-    known = {}
-    if before.covariance is not None:
-        sigma = np.sqrt(np.diag(before.covariance))
-        known = dict(zip(before.parameter_names, sigma, strict=True))
-    return [
-        (
-            parameter_in_words(name),
-            amount_in_words(name, m.value, m.sigma),
-            amount_in_words(name, 0.0, float(known[name])).partition("± ")[2]
-            if name in known
-            else "–",
-        )
-        for name, m in done.estimated.items()
-    ]
 
 
 def _figure() -> Figure:
