@@ -28,8 +28,8 @@ from turnscan.app._workshop import Call
 ROUNDS, _, SEED = os.environ.get("TURNSCAN_FUZZ", "500").partition(":")
 HANGS = 120.0
 """s that no request may take, on however slow a machine."""
-KINDS = {m["const"]: name for name, d in REQUESTS.json_schema()["$defs"].items()
-         if (m := d.get("properties", {}).get("kind"))}  # fmt: skip
+SCHEMAS = {m["const"]: d["properties"] for d in REQUESTS.json_schema()["$defs"].values()
+           if (m := d.get("properties", {}).get("kind"))}  # fmt: skip
 EDITS = (
     *("delete", "fill", "close", "cut", "decimate", "smooth", "despike", "set_point"),
     *("delete_points", "pick_candidate", "profile_off", "redetect", "close_seam", "measure_area"),
@@ -63,10 +63,9 @@ def _value(chance: random.Random, scan: str, depth: int = 0) -> Any:
 
 
 def _request(chance: random.Random, scan: str, laser: str, revision: int) -> dict[str, Any]:
-    kind = chance.choice(sorted(KINDS))
-    schema = REQUESTS.json_schema()["$defs"][KINDS[kind]]["properties"]
+    kind = chance.choice(sorted(SCHEMAS))
     body: dict[str, Any] = {"kind": kind, "id": 1}
-    for key, about in schema.items():
+    for key, about in SCHEMAS[kind].items():
         if key in body:
             continue
         if key == "scan" and chance.random() < 0.9:
