@@ -172,10 +172,7 @@ def refine(
     output = Path(output)
     wanted = chosen(RefineOptions, options, changes)
     body = _checked(paths, output, wanted, artefact)
-    if report is not None:
-        report = Path(report)
-        inputs = [*paths, output, *([Path(artefact)] if artefact is not None else [])]
-        check_output(report, (".html",), inputs)
+    page = _page_checked(report, [*paths, output], artefact)
     begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
     seen = list[_Seen]()
     for k, path in enumerate(paths):
@@ -189,12 +186,29 @@ def refine(
     done = _adjusted(first, sweeps, limits, lies, part)
     evidence = (*first.evidence, *(one.evidence for one in seen))
     done = replace(done, rig=replace(done.rig, evidence=evidence))
-    if report is not None:
-        from turnscan.workflows._refine_report import refine_html
-
-        write_atomically(report, refine_html(done, [p.name for p in paths]).encode())
+    if page is not None:
+        _write_report(page, done, [p.name for p in paths])
     write_atomically(output, rig_to_json(done.rig).encode())
     return RefinedRig(output, done)
+
+
+def _write_report(page: Path, done: Refined, names: Sequence[str]) -> None:
+    from turnscan.workflows._refine_report import refine_html
+
+    write_atomically(page, refine_html(done, names).encode())
+
+
+def _page_checked(
+    report: str | PathLike[str] | None,
+    others: Sequence[Path],
+    artefact: str | PathLike[str] | None,
+) -> Path | None:
+    """The path of the report, which is none of the files that are read or written."""
+    if report is None:
+        return None
+    page = Path(report)
+    check_output(page, (".html",), [*others, *([Path(artefact)] if artefact is not None else [])])
+    return page
 
 
 @dataclass(frozen=True)
