@@ -1008,6 +1008,8 @@ export interface ScanEntry {
   missing: number;
   /** Other where its frames, edits or settings are others; empty where it cannot be read. */
   content: string;
+  /** Whether its pictures are of no real part. */
+  simulated: boolean;
   /** As it was when it was last open; None where it was not, or has changed since. */
   findings: FindingCounts | null;
 }

@@ -455,3 +455,12 @@ def test_views_and_triggers_of_a_stranger_are_refused(tmp_path: Path) -> None:
         db.close()
         with pytest.raises(ScanCorrupt, match="tables are not those"):
             Scan.open(path)
+
+
+@pytest.mark.parametrize(
+    ("source", "simulated"),
+    [("sim:cup?seed=7", True), ("simulated cup, rig paper", True), ("uvc:0", False), ("", False)],
+)
+def test_a_plan_tells_whether_its_part_is_real(source: str, simulated: bool) -> None:
+    plan = ScanPlan(64, 48, "uint8", 1, ("a",), 4, 20.0, source=source)
+    assert plan.simulated == (source if simulated else "")

@@ -150,12 +150,12 @@ def test_another_scan_of_the_same_name_has_its_own_picture(tmp_path: Path) -> No
     library = Library(tmp_path)
     gallery, path = Gallery(library), small_scan(tmp_path / "cup.turnscan", steps=2)
     gallery.keep(path, b"seen", [])
-    content = library.glance(path)[1]
+    content = library.glance(path).content
     assert gallery.thumbnail(path) == b"seen"
     assert gallery.counts(path, content) is not None
     gallery.discard(path)
     small_scan(path, "sim:sphere?seed=6", steps=2)
-    assert library.glance(path)[1] != content
+    assert library.glance(path).content != content
     assert gallery.thumbnail(path).startswith(b"\x89PNG")
 
 

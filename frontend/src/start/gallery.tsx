@@ -74,6 +74,7 @@ function Card({ entry }: { entry: ScanEntry }) {
         <span class="num">{when(entry.modified)}</span>
         <span class="num">{megabytes(entry.megabytes)}</span>
         {entry.open && <span>open</span>}
+        {entry.simulated && <span title="Its pictures are of no real part">simulated</span>}
       </p>
       {words && (
         <p class="facts">

@@ -12,6 +12,7 @@ import {
   isOperator,
   operator,
   place,
+  scans,
   stopping,
   theme,
 } from "../state";
@@ -30,6 +31,7 @@ const DEVICE = { none: "", ready: "good", busy: "busy", failed: "bad" } as const
 export function TopBar() {
   const silent = connection.value === "open" && !answering.value;
   const [dot, words] = CONNECTION[silent ? "silent" : connection.value];
+  const ofNoPart = scans.value.some(({ scan, simulated }) => simulated && scan === place.value.scan);
   return (
     <header class="topbar" inert={dialogs.value.length > 0}>
       <button type="button" class="brand" onClick={() => go("projects", null)} title="All scans">
@@ -52,6 +54,11 @@ export function TopBar() {
         ))}
       </nav>
       {scanName.value && <span class="part-name">{scanName.value}</span>}
+      {ofNoPart && (
+        <span class="chip" title="The pictures of this scan are of no real part">
+          simulated
+        </span>
+      )}
       <span class="spring" />
       <div class="chips" role="status" aria-label="Devices and connection">
         {devices.value?.camera && <DeviceChip name="Camera" device={devices.value.camera} />}

@@ -33,7 +33,7 @@ class Gallery:
 
     def keep(self, path: Path, picture: bytes, findings: Sequence[Finding]) -> None:
         """Keep what an open scan looks like; a folder that cannot be written keeps nothing."""
-        _, content = self._library.glance(path)
+        content = self._library.glance(path).content
         kinds = [f.severity for f in findings]
         counts = FindingCounts(
             errors=kinds.count("error"), warnings=kinds.count("warning"), notes=kinds.count("note")
@@ -63,7 +63,7 @@ class Gallery:
         What was seen of a scan that has changed since, or of another one that had this name, is not
         shown. Raises InputError and ScanError for a scan without pictures.
         """
-        if self.counts(path, self._library.glance(path)[1]) is not None:
+        if self.counts(path, self._library.glance(path).content) is not None:
             with contextlib.suppress(OSError):
                 return self._kept(path)[0].read_bytes()
         return frame_thumbnail(path)

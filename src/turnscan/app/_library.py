@@ -22,7 +22,7 @@ from turnscan.errors import (
     ScanError,
     StorageFull,
 )
-from turnscan.workflows import duplicate_scan, glance_at, open_scan
+from turnscan.workflows import ScanGlance, duplicate_scan, glance_at, open_scan
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30
@@ -48,8 +48,8 @@ class Library:
         self.folder = folder.resolve()
         self._only = None if only is None else {only.resolve()}
         self._names: dict[Path, str] = {}
-        self._seen: dict[Path, tuple[list[tuple[int, int]], tuple[int, str]]] = {}
-        """Missing steps and content of files that were last changed then and are so large."""
+        self._seen: dict[Path, tuple[list[tuple[int, int]], ScanGlance]] = {}
+        """What is known of files that were last changed then and are so large."""
         self.counts: Callable[[Path, str], FindingCounts | None] = lambda path, content: None
         """What was found in a scan of this content when it was last open; None where not known."""
         self._lock = threading.Lock()
@@ -104,7 +104,7 @@ class Library:
             with contextlib.suppress(OSError):
                 status = path.stat()
                 at = datetime.fromtimestamp(status.st_mtime, UTC)
-                missing, content = self.glance(path)
+                seen = self.glance(path)
                 out.append(
                     ScanEntry(
                         scan=name,
@@ -112,23 +112,24 @@ class Library:
                         megabytes=status.st_size / 1e6,
                         modified=at.isoformat(timespec="seconds"),
                         open=name in is_open,
-                        missing=missing,
-                        content=content,
-                        findings=self.counts(path, content),
+                        missing=seen.missing,
+                        content=seen.content,
+                        simulated=seen.simulated,
+                        findings=self.counts(path, seen.content),
                     )
                 )
         return out
 
-    def glance(self, path: Path) -> tuple[int, str]:
-        """Steps that an interrupted scan lacks (0 for any other file), and the content's digest."""
+    def glance(self, path: Path) -> ScanGlance:
+        """What is known of a file, whatever it is, without making its surface."""
         files = [f for f in (path, path.with_name(path.name + "-wal")) if f.exists()]
         state = [(f.stat().st_mtime_ns, f.stat().st_size) for f in files]
         known = self._seen.get(path)
         if known is not None and known[0] == state:
             return known[1]
         seen = glance_at(path)
-        self._seen[path] = state, (seen.missing, seen.content)
-        return seen.missing, seen.content
+        self._seen[path] = state, seen
+        return seen
 
     def moved(self, path: Path, target: Path) -> None:
         """A scan file has another name now; its opaque name stays."""

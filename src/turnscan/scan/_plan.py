@@ -58,6 +58,12 @@ class ScanPlan:
     exposures: int = 1
     """Pictures of each step and laser, each exposed in its own way."""
 
+    @property
+    def simulated(self) -> str:
+        """The simulated rig that takes the frames, by its address (of a scan) or in words (of a
+        simulation); empty for those of a real part."""
+        return self.source if self.source.startswith(("sim:", "simulated ")) else ""
+
     def __post_init__(self) -> None:
         _wanted(self.width >= 1 and self.height >= 1, "size", (self.width, self.height))
         check_pixels(self.width, self.height, "plan")

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     )
     from turnscan.workflows._format_options import FormatOptions
     from turnscan.workflows._gallery import (
+        ScanGlance,
         duplicate_scan,
         frame_thumbnail,
         glance_at,
@@ -207,7 +208,7 @@ _MODULES = {
     "_export": ("Exported", "export"),
     "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_format_options": ("FormatOptions",),
-    "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at"),
+    "_gallery": ("ScanGlance", "duplicate_scan", "frame_thumbnail", "glance_at"),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
@@ -401,6 +402,7 @@ __all__ = [
     "RevolveOptions",
     "RevolvedPart",
     "ScanControl",
+    "ScanGlance",
     "ScanLeft",
     "ScanOptions",
     "ScanSession",

@@ -74,7 +74,7 @@ class CheckedScan:
             f"{plan.dtype}, {plan.keep} frames" + (f", {plan.source}" if plan.source else ""),
             f"rig: {self.rig[:12] if self.rig else 'none'}",
         ]
-        if plan.source.startswith("sim:"):
+        if plan.simulated:
             lines.insert(1, "SIMULATED: these are pictures of no real part")
         for name, laser in self.lasers.items():
             angles = "angles unknown"

@@ -24,6 +24,8 @@ class ScanGlance:
     """Steps that `resume` would take."""
     content: str
     """Other where its frames, edits or settings are others; empty where it cannot be read."""
+    simulated: bool = False
+    """Whether its pictures are of no real part."""
 
 
 def glance_at(path: Path) -> ScanGlance:
@@ -37,9 +39,10 @@ def glance_at(path: Path) -> ScanGlance:
             with suppress(TurnscanError):  # of one that was imported
                 at = left_in(scan)
                 missing = at.steps - at.done
+            simulated = bool(scan.plan.simulated)
     except TurnscanError:
         return ScanGlance(0, "")
-    return ScanGlance(missing, hashlib.sha256(said.encode()).hexdigest()[:16])
+    return ScanGlance(missing, hashlib.sha256(said.encode()).hexdigest()[:16], simulated)
 
 
 def frame_thumbnail(path: Path) -> bytes:

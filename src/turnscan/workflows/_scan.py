@@ -223,7 +223,9 @@ def resume(
         again = forget_bad(file) if retake else 0
         left = steps_left(how.plan, file)
         if not left:
-            return TakenScan(file.path, how.plan.steps, 0, 0, 0, True, simulated=_simulated(file))
+            return TakenScan(
+                file.path, how.plan.steps, 0, 0, 0, True, simulated=file.plan.simulated
+            )
         check_space(file, how.plan, left)
         known = Addresses(how.camera, how.turntable, how.lasers)
         with opened_devices(devices, known) as bench:
@@ -286,10 +288,5 @@ def _take(
     camera = hardware.camera.retaken if isinstance(hardware.camera, Steady) else ""
     return TakenScan(
         file.path, plan.steps, left, outcome.frames, outcome.missing, outcome.complete, camera,
-        _simulated(file),
+        file.plan.simulated,
     )  # fmt: skip
-
-
-def _simulated(file: Scan) -> str:
-    """The address of the simulated rig that takes the scan; empty for real devices."""
-    return file.plan.source if file.plan.source.startswith("sim:") else ""

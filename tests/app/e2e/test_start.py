@@ -36,6 +36,7 @@ def test_from_nothing_to_a_dxf_file_and_what_is_done_with_scans(
     hand = Hand(page)
     hand.click("button", "Try the demo", exact=False)
     until(page, "turnscan.faces > 1000", OPENING)
+    expect(page.get_by_role("banner").get_by_text("simulated", exact=True)).to_be_visible()
     picture(page, "start-demo")
     hand.click("button", "Export")
     hand.click("button", "Export DXF")
@@ -49,6 +50,7 @@ def test_from_nothing_to_a_dxf_file_and_what_is_done_with_scans(
 
     # What is there can be renamed, copied, thrown away and taken back.
     page.get_by_role("button", name="turnscan").click()
+    expect(page.get_by_role("listitem").filter(has_text="simulated")).to_have_count(1)
     page.get_by_role("button", name="Rename demo cup").click()
     page.get_by_role("textbox", name="New name of demo cup").fill("beaker")
     page.keyboard.press("Enter")

@@ -29,6 +29,8 @@ class ScanEntry(Model):
     """Steps that ``resume`` would take; 0 where the scan is whole, or it cannot be resumed."""
     content: str
     """Other where its frames, edits or settings are others; empty where it cannot be read."""
+    simulated: bool
+    """Whether its pictures are of no real part."""
     findings: FindingCounts | None
     """As it was when it was last open; None where it was not, or has changed since."""
 
