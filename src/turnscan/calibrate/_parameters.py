@@ -8,9 +8,8 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
-from turnscan.calibrate._words import parameter_in_words
+from turnscan.calibrate._words import PIXELS, parameter_in_words
 
-_PIXELS = ("fx", "fy", "cx", "cy")
 _BOW = ("aa", "ab", "bb")
 
 
@@ -52,7 +51,7 @@ def _uncertainty(name: str, sigma: float) -> str:
     what = name.rpartition(".")[2]
     if what.startswith("turn_"):
         return f"{np.degrees(sigma):.3g}°"
-    if name.startswith("camera.") and what in _PIXELS:
+    if name.startswith("camera.") and what in PIXELS:
         return f"{sigma:.3g} px"
     return f"{sigma:.3g} mm" if what == "offset" or what.startswith("shift_") else f"{sigma:.3g}"
 

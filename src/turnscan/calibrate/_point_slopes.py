@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.calibrate._residuals import CAMERA_SIZE
-from turnscan.calibrate._sweeps import Sweep
+from turnscan.calibrate._sweeps import Sweep, turned_back
 from turnscan.rig import Camera, LaserSheet, Pose, Rig
 
 _NUDGE = 1e-4
@@ -66,8 +66,8 @@ def point_slopes(
         out[:, j] = arm @ _CROSS[axis] if columns[j] < p - 3 else -_AXES[axis]
     step = np.tile(sweep.step, len(rays) // max(len(sweep.step), 1))
     angle = sweep.turned(rig)[step]
-    back = _turned_back(out @ T.rotation, angle)
-    at = _turned_back((arm @ T.rotation)[:, None], angle)[:, 0]
+    back = turned_back(out @ T.rotation, angle[:, None])
+    at = turned_back(arm @ T.rotation, angle)
     inner = np.flatnonzero((columns >= p) & (columns < p + q))
     if len(inner) and sweep.moved:
         by = rig.motion.slopes(sweep.angles)[:, columns[inner] - p][step]
@@ -87,13 +87,6 @@ def _laid(sweep: Sweep, poses: tuple[Pose, ...], at: Floats, by: Floats, columns
     for j in shifts:
         laid[:, j] = _AXES[columns[j] - first - 3]
     return laid
-
-
-def _turned_back(directions: Floats, angle: Floats) -> Floats:
-    """Directions (n, k, 3), each turned by -``angle`` (n,) about z."""
-    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    x, y = directions[..., 0], directions[..., 1]
-    return np.stack([c * x + s * y, c * y - s * x, directions[..., 2]], axis=-1)
 
 
 def _sheet_slopes(sheet: LaserSheet, X: Floats) -> Floats:

@@ -22,6 +22,13 @@ _STEEP_PX = 3.0
 """px per scan line: a stripe that goes aside by more ends there, or is seen at a grazing angle."""
 
 
+def turned_back(directions: Floats, angle: Floats) -> Floats:
+    """Directions (..., 3), each turned by -``angle`` about z, which goes with their first axes."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = directions[..., 0], directions[..., 1]
+    return np.stack([c * x + s * y, c * y - s * x, directions[..., 2]], axis=-1)
+
+
 @dataclass(frozen=True)
 class Sweep:
     """The stripe of one laser on a part, in one turn of the table."""
@@ -58,9 +65,7 @@ class Sweep:
         pixel, (k, n, 3), for points (k, n, 3)."""
         T, angles = rig.T_camera_table, self.turned(rig)
         X = (rig.sheet(self.laser).intersect(rays) - T.translation) @ T.rotation
-        c, s = np.cos(angles)[self.step], np.sin(angles)[self.step]
-        x, y = X[..., 0], X[..., 1]
-        return np.stack([c * x + s * y, c * y - s * x, X[..., 2]], axis=-1)
+        return turned_back(X, angles[self.step])
 
     def doubt(self, rig: Rig) -> float:
         """How far, mm rms, the rig's uncertainty puts its points beside their places; 0 without."""

@@ -22,7 +22,8 @@ _SHEET = {
 }
 _WAYS = {"x": "right", "y": "downwards", "z": "away from the camera"}
 _PLAY = {"start": "play taken up at the start", "backlash": "play between the two ways of turning"}
-_PIXELS = ("fx", "fy", "cx", "cy")
+PIXELS = ("fx", "fy", "cx", "cy")
+"""Parameters of a camera that are counted in px."""
 
 
 def parameter_in_words(name: str) -> str:
@@ -55,7 +56,7 @@ def amount_in_words(name: str, value: float, sigma: float) -> str:
     if of == "motion" or what.startswith(("turn_", "tilt_")) or what.endswith("angle"):
         return f"{math.degrees(value):+.4f} ± {math.degrees(sigma):.4f}°"
     if of == "camera":
-        return f"{value:+.4f} ± {sigma:.4f}" + (" px" if what in _PIXELS else "")
+        return f"{value:+.4f} ± {sigma:.4f}" + (" px" if what in PIXELS else "")
     if what.startswith("bow_"):
         return f"{value:+.3g} ± {sigma:.3g} 1/mm"
     return f"{value:+.4f} ± {sigma:.4f} mm"

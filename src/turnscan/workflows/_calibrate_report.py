@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.calibrate import (
-    Advice,
-    Calibration,
-    CalibrationQuality,
-    parameters_of,
-)
+from turnscan.calibrate import Advice, Calibration, CalibrationQuality, parameters_of
 from turnscan.findings import Finding
 from turnscan.scan import read_picture
 from turnscan.workflows import _html

@@ -13,12 +13,7 @@ from typing import Any
 import numpy as np
 
 from turnscan import points, poses
-from turnscan.calibrate import (
-    Measured,
-    Refined,
-    RefineSettings,
-    Sweep,
-)
+from turnscan.calibrate import Measured, Refined, RefineSettings, Sweep
 from turnscan.calibrate import refine as adjust_rig
 from turnscan.detection import Detection, detect_scan
 from turnscan.errors import CalibrationError, InputError
