@@ -271,7 +271,13 @@ def test_on_a_crease_a_centre_is_doubted_by_what_two_planes_do_to_it(k, wide):
     def told(far: int) -> np.ndarray:
         return np.full(width.shape, np.nan)
 
-    doubt = _creased(width, walk, 1.0, np.full((5, 3), 3.0), told)[2, 1]
+    far, side = np.full((5, 3), 3.0), np.ones((2, 5, 3))
+    side[1] = -1.0  # the profile before lies on the side of lower pixels, and is the narrower
+    off, doubt = _creased(width, (walk, side), 1.0, far, told)[:, 2, 1]
+    # Taken off, it leaves less than half of what two planes do, or what noise hides of it.
+    assert abs(mean - off) < max(0.5 * abs(mean), 0.09)
+    assert off * mean >= 0.0
+    assert _creased(width, (walk, -side), 1.0, far, told)[0, 2, 1] == -off
     # A twentieth of the narrower width is what speckle hides.
     assert abs(mean) < 2.0 * doubt + 0.05
     assert doubt <= 0.4 * (wide - 1.0)
@@ -279,8 +285,8 @@ def test_on_a_crease_a_centre_is_doubted_by_what_two_planes_do_to_it(k, wide):
         assert doubt < 3.0 * abs(mean)
     torn = walk.copy()
     torn[0, 2] = np.nan
-    assert _creased(width, torn, 1.0, np.full((5, 3), 3.0), told)[2, 1] == 0.0, "that is a border"
-    alike = _creased(width, walk, 1.0, np.full((5, 3), 3.0), lambda far: 0.0 * width)
+    assert not _creased(width, (torn, side), 1.0, far, told)[:, 2, 1].any(), "that is a border"
+    alike = _creased(width, (walk, side), 1.0, far, lambda far: 0.0 * width)
     assert not alike.any(), "the surfaces beside are one plane that the table turns"
 
 
@@ -298,7 +304,25 @@ def test_what_no_turn_moves_tells_no_tilt_and_no_crease():
     assert np.isnan(walk[0, -1]).all(), "the last step has no neighbour at all"
     width = np.linspace(1.0, 3.0, 12)[:, None] * np.ones(8)
     nothing = np.full(width.shape, np.nan)
-    assert not _creased(width, walk, 1.0, np.ones(width.shape), lambda far: nothing).any()
+    lying = walk, np.ones(walk.shape)
+    assert not _creased(width, lying, 1.0, np.ones(width.shape), lambda far: nothing).any()
+
+
+def test_a_centre_beside_surfaces_that_are_no_plane_is_doubted_and_not_moved():
+    """The width goes on to change beyond the profiles next to it: they lie on other faces still,
+    where a step is longer than the sheet reaches."""
+    width = np.tile(np.array([1.0, 1.0, 1.7, 2.2, 3.0])[:, None], (1, 3))
+    walk, side = np.ones((2, 5, 3)), np.ones((2, 5, 3))
+    walk[0, -1] = walk[1, 0] = np.nan
+    side[1] = -1.0
+    told = np.full(width.shape, np.nan)
+    plane = np.tile(np.array([1.0, 1.0, 1.7, 2.2, 2.2])[:, None], (1, 3))
+    for widths, step, moved in (
+        (width, 3.0, False), (width, 2.0, True), (plane, 3.0, True), (plane, 9.0, False),
+    ):  # fmt: skip
+        off, doubt = _creased(widths, (walk, side), 1.0, np.full((5, 3), step), lambda _: told)
+        assert (off[2, 1] > 0.1) == moved
+        assert doubt[2, 1] > 0.2
 
 
 @pytest.mark.parametrize(

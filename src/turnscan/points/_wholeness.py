@@ -60,6 +60,9 @@ _TORN = 0.5
 _CREASE = 0.4
 """Where a stripe lies on two surfaces half and half, its centre is off by this part of the
 difference of the widths that it has on either: 1/√(2π)."""
+_SETTLED = 0.5
+"""Part of the difference of the widths on either side of a crease that the next ones may differ by,
+where the two are those of whole stripes."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
 _WHOLE, _FAINTEST, _LACKING = 0.85, 0.02, 0.7
@@ -117,7 +120,8 @@ class Wholeness:
     """What the light of each point says of it."""
 
     shift: Floats
-    """(s, n) px by which the centre of a cut stripe lies off that of the whole one; 0 elsewhere."""
+    """(s, n) px by which the centre of a cut stripe, or of one on two surfaces, lies off that of a
+    whole one; 0 elsewhere."""
     doubt: Floats
     """(s, n) px: standard uncertainty of the centre because of what cuts or bends the stripe."""
     tail: Bools
@@ -136,13 +140,14 @@ def wholeness(light: LitPoints) -> Wholeness:
     """Compare each stripe's width with what is due on a surface that lies like its own.
 
     How the surface lies is known by the profiles before and after. What is narrower and fainter
-    than both is doubted (`_pinched`), and what lies on a crease (`_creased`). Where both are there,
-    the one that explains the width better counts, and the other as far as `_TORN` and the sheet's
-    reach over the step; where the surface is round, what lies between them. Where one of them is
-    missing, what ends the surface there cuts the stripe, too: the light that is left is a Gaussian
-    cut off on that side, which tells how far its centre is off. In steps longer than a few
-    thicknesses of the sheet that is doubt alone, and no centre is moved. A stripe that is much
-    fainter there than on the surface beside is the tail of one whose middle passes by.
+    than both is doubted (`_pinched`); what lies on a crease is put back as far as both sides of it
+    tell, and doubted (`_creased`). Where both are there, the one that explains the width better
+    counts, and the other as far as `_TORN` and the sheet's reach over the step; where the surface
+    is round, what lies between them. Where one of them is missing, what ends the surface there cuts
+    the stripe, too: the light that is left is a Gaussian cut off on that side, which tells how far
+    its centre is off. In steps longer than a few thicknesses of the sheet that is doubt alone, and
+    no centre is moved. A stripe that is much fainter there than on the surface beside is the tail
+    of one whose middle passes by.
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), and what
     is narrower than most of its profile about it (`_narrow`).
     """
@@ -170,7 +175,9 @@ def _lying(
     due_on, thickness, told = _due(walk, width)
     flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
-    creased = _creased(width, walk, thickness, arcs, lambda far: _apart(light, arcs, due_on, far))
+    creased = _creased(
+        width, (walk, side), thickness, arcs, lambda far: _apart(light, arcs, due_on, far)
+    )
     fine = _fineness(arcs, thickness)
     dim = _dim(width, bright, found)
     glow = np.zeros_like(found)
@@ -194,7 +201,7 @@ def _lying(
             fine[rows],
             beyond,
         )
-        *own, ratio = _judged(some, due_on, creased if creased is None else creased[rows])
+        *own, ratio = _judged(some, due_on, creased if creased is None else creased[:, rows])
         shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
         with np.errstate(invalid="ignore"):
             glow[a:b] = dim[a:b] & (np.fmin(*ratio)[1:-1] > _GLOW_WIDTH)
@@ -269,8 +276,10 @@ def _judged(
     border &= some.found & ~np.isnan(ratio).all(axis=0)
     bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * some.fine * np.fmax(*bias)) * width)
+    pulled = np.zeros(width.shape)
     if creased is not None:
-        doubt = np.maximum(doubt, ~curved * creased)
+        pulled, unsure = ~curved * creased
+        doubt = np.maximum(doubt, np.maximum(_MODEL * np.abs(pulled), unsure - np.abs(pulled)))
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(some.light, -1, 0), np.roll(some.light, 1, 0))
     with np.errstate(invalid="ignore"):
@@ -279,7 +288,7 @@ def _judged(
     off = np.where(first, some.side[0] * bias[0] * due[0], some.side[1] * bias[1] * due[1])
     off = np.where(cut, np.nan_to_num(off), 0.0)
     doubt = np.where(cut, _MODEL * np.abs(off), doubt)
-    shift = np.where(known, off, 0.0)
+    shift = np.where(cut, np.where(known, off, 0.0), pulled)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
     # Over a long step the profile beside may lie on another face, otherwise to the light; and where
@@ -476,23 +485,29 @@ def _pinched(width: Floats, amplitude: Floats, beyond: tuple[bool, bool]) -> Flo
 
 
 def _creased(
-    width: Floats, walk: Floats, thickness: float, arcs: Floats, apart: Callable[[int], Floats]
-) -> Floats | None:
-    """(s, n) px that stripes may be off as they lie on two surfaces that meet under the sheet; None
-    where the sheet's thickness is not known.
+    width: Floats, lying: tuple[Floats, Floats], thickness: float, arcs: Floats,
+    apart: Callable[[int], Floats],
+) -> Floats | None:  # fmt: skip
+    """(2, s, n) px that stripes are off as they lie on two surfaces that meet under the sheet, and
+    that they may be off; None where the sheet's thickness is not known.
 
     Each surface draws the sheet out to a width of its own; what lies on both has one between the
     two. Where the surfaces meet k thicknesses beside the sheet's middle, its centre is off by
-    Δ (φ(k) − |k| Φ(−|k|)), Δ being the difference of the two widths. That is taken as 4 f (1 − f)
-    of its most, f being how far the width has come from the one to the other. Profiles are looked
-    at as far off as the sheet reaches, over what is linked. A surface that goes on flat changes its
-    width, too, as the table turns it to the light: no more counts than ``apart`` (s, n) px says of
-    the surfaces so many steps off, in the light of the point's own step.
+    Δ (φ(k) − |k| Φ(−|k|)), Δ being the difference of the two widths, towards the wider. How far the
+    width has come from the one to the other tells k (`_pull`), where the profiles next to it lie on
+    the two surfaces (`_whole_beside`), or the sheet reaches them; over long steps (`_KNOWN`)
+    nothing does. The centre may be off by as much as 4 f (1 − f) of the most, f being that way.
+    Profiles are looked at as far off as the sheet reaches, over what is linked. A surface that goes
+    on flat changes its width, too, as the table turns it to the light: no more counts than
+    ``apart`` (s, n) px says of
+    the surfaces so many steps off, in the light of the point's own step. ``lying`` are walk and
+    side, as `_wholeness_kernels.across` writes them.
     """
     if not thickness > 0:
         return None
+    walk, side = lying
     most = int(np.ceil(_REACH * thickness / max(float(np.nanmedian(arcs)), 1e-9)))
-    out = np.zeros_like(width)
+    out = np.zeros((2, *width.shape))
     sides = [width.copy(), width.copy()]
     held = [np.ones(width.shape, np.bool_), np.ones(width.shape, np.bool_)]
     for far in range(1, min(most, _STEPS) + 1):
@@ -501,26 +516,48 @@ def _creased(
             beside = np.roll(width, -sign * far, axis=0)
             held[way] &= linked & ~np.isnan(beside)
             sides[way] = np.where(held[way], beside, sides[way])
-        _raise(out, width, sides, held, apart(far))
+        _raise(out, width, sides, held, apart(far), side if far == 1 else None)
+    fine = _fineness(arcs, thickness)
+    out[0] *= (fine >= 1.0) | (fine >= _KNOWN) & _whole_beside(width)
     # What no turn moves has the same surface beside it in every profile.
     return np.where(np.isinf(walk).any(axis=0), 0.0, out)
 
 
+def _whole_beside(width: Floats) -> Bools:
+    """(s, n) True where stripes of the profiles before and after are about as wide as those next to
+    them, for how much the two differ: each lies on one surface, not on its way to yet another."""
+    one, beyond = np.roll(width, -1, axis=0), np.roll(width, -2, axis=0)
+    other, before = np.roll(width, 1, axis=0), np.roll(width, 2, axis=0)
+    with np.errstate(invalid="ignore"):
+        most = _SETTLED * np.abs(one - other)
+        return np.asarray(~((np.abs(beyond - one) > most) | (np.abs(before - other) > most)))
+
+
 def _raise(
-    out: Floats, width: Floats, sides: list[Floats], held: list[Bools], apart: Floats
-) -> None:
-    """Make ``out`` (s, n) at least what `_between` gives where both sides are held."""
+    out: Floats, width: Floats, sides: list[Floats], held: list[Bools], apart: Floats,
+    side: Floats | None,
+) -> None:  # fmt: skip
+    """Make the second of ``out`` (2, s, n) at least what `_between` gives where both sides are
+    held; and the first what `_pull` gives, where it is known on which ``side`` (2, s, n) they lie
+    in the picture."""
 
     def part(a: int, b: int) -> None:
-        found = _between(width[a:b], sides[0][a:b], sides[1][a:b], apart[a:b])
-        out[a:b] = np.maximum(out[a:b], np.where(held[0][a:b] & held[1][a:b], found, 0.0))
+        there = held[0][a:b] & held[1][a:b]
+        one, other = sides[0][a:b], sides[1][a:b]
+        f, differ = _between(width[a:b], one, other, apart[a:b])
+        out[1, a:b] = np.maximum(
+            out[1, a:b], np.where(there, 4.0 * f * (1.0 - f) * _CREASE * differ, 0.0)
+        )
+        if side is not None:
+            wider = np.where(one > other, side[0, a:b], side[1, a:b])
+            out[0, a:b] = np.where(there, np.nan_to_num(wider) * _pull(f) * differ, 0.0)
 
     in_parts(part, len(width), -(-len(width) // _TOGETHER))
 
 
-def _between(width: Floats, one: Floats, other: Floats, apart: Floats) -> Floats:
-    """px that stripes so wide may be off which lie between surfaces of these two widths; see
-    `_creased`."""
+def _between(width: Floats, one: Floats, other: Floats, apart: Floats) -> tuple[Floats, Floats]:
+    """How far stripes so wide have come from the narrower of two surfaces of these widths to the
+    wider, 0 to 1, and how much they differ, px; see `_creased`. 0 where noise may be all of it."""
     with np.errstate(invalid="ignore", divide="ignore"):
         low, high = np.minimum(one, other), np.maximum(one, other)
         noise = 2.0 * _NOISE * 0.5 * (low + high)
@@ -528,7 +565,17 @@ def _between(width: Floats, one: Floats, other: Floats, apart: Floats) -> Floats
         differ = np.fmin(differ, apart)
         blind = np.minimum(0.5 * noise / (high - low), 0.4)
         f = np.clip(((width - low) / (high - low) - blind) / (1 - 2 * blind), 0.0, 1.0)
-        return np.asarray(np.nan_to_num(4.0 * f * (1.0 - f) * _CREASE * differ))
+        return np.nan_to_num(f), np.nan_to_num(differ)
+
+
+def _pull(f: Floats) -> Floats:
+    """(...) φ(k) − |k| Φ(−|k|) where a part ``f`` of a stripe lies on the one of two surfaces and
+    the rest on the other: k = Φ⁻¹(f)."""
+    from scipy.special import ndtr, ndtri
+
+    both = (f > 0.0) & (f < 1.0)
+    k = np.abs(ndtri(np.where(both, f, 0.5)))
+    return np.where(both, np.exp(-0.5 * k * k) / np.sqrt(2 * np.pi) - k * ndtr(-k), 0.0)
 
 
 def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], far: int) -> Floats:
