@@ -213,13 +213,17 @@ def test_a_veil_along_the_rays_belongs_to_the_edge_as_far_as_tails_are_seen(
     sheets = np.tile([np.sqrt(0.75), 0.5, 0.0], (12, 9, 1))
     width = np.full((12, 9), 1.5)
     width[11] = 1.0
-    out = np.full((2, *width.shape), np.nan)
+    out, still = np.full((2, *width.shape), np.nan), np.zeros(width.shape, np.bool_)
     places = points, eyes, sheets, np.full(width.shape, 0.5)
-    kernels.whole_widths(places, width, width, (0.5, 0.6), False, (0, 12), out)
+    kernels.whole_widths(places, (width, width), still, (0.5, 0.6), False, (0, 12), out)
     np.testing.assert_array_equal(out[:, 11, 4], (1.0, 1.5) if known else (np.nan, np.nan))
     np.testing.assert_array_equal(out[:, 0, 4], (1.5, 1.5))
     assert np.isnan(out[:, 5, 4]).all()
+    # What no turn moves is one place in all profiles.
+    unmoved = np.full_like(out, np.nan)
+    kernels.whole_widths(places, (width, width), ~still, (0.5, 0.6), False, (0, 12), unmoved)
+    assert np.isnan(unmoved[:, :, 4]).all()
     # In steps longer than the sheet reaches what is further in may be another face.
     coarse, places = np.full_like(out, np.nan), (*places[:3], np.full(width.shape, 1.3))
-    kernels.whole_widths(places, width, width, (0.5, 0.6), False, (0, 12), coarse)
+    kernels.whole_widths(places, (width, width), still, (0.5, 0.6), False, (0, 12), coarse)
     assert np.isnan(coarse[:, :, 4]).all()

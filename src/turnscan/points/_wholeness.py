@@ -14,12 +14,21 @@ from typing import NamedTuple
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
+from turnscan.points._creased import (
+    KNOWN,
+    MODEL,
+    NOISE,
+    REACH,
+    STEPS,
+    Creased,
+    Widths,
+    creased,
+    fineness,
+)
 from turnscan.threads import in_parts
 
-_NOISE = 0.06
-"""Speckle makes the median of five widths this much narrower or wider."""
 _SURE = 0.15
-"""Difference of a width and its due, as a part beyond `_NOISE`, up to which the stripe is whole:
+"""Difference of a width and its due, as a part beyond `NOISE`, up to which the stripe is whole:
 noise of the points, through the planes that they make, and curvature make as much of it."""
 _SURE_END = 0.09
 """The same where what is seen ends: there something is known to be that may cut it."""
@@ -42,11 +51,6 @@ _HALF = 0.6
 _FAINT, _AS_BRIGHT = 0.6, 0.95
 """A stripe there is a tail when it is fainter than this part of the one beside it; the second where
 it is narrower than any cut makes it."""
-_KNOWN = 0.3
-"""Part of a step that the sheet reaches over from which on the profiles beside tell how the surface
-lies at a cut stripe. Over longer steps they may lie on other faces, and no centre is moved."""
-_MODEL = 0.5
-"""Part of a cut stripe's shift that is doubted: by the second laser's and the true surface."""
 _MOST = 0.5
 """What is missing of a width tells no more beyond this."""
 _WIDER = 0.8
@@ -57,12 +61,9 @@ _ALIKE = 1.35
 A crease bends one profile, or two unlike."""
 _TORN = 0.5
 """Part of the larger of two biases that counts, where the profiles on either side say two."""
-_CREASE = 0.4
-"""Where a stripe lies on two surfaces half and half, its centre is off by this part of the
-difference of the widths that it has on either: 1/√(2π)."""
-_SETTLED = 0.5
-"""Part of the difference of the widths on either side of a crease that the next ones may differ by,
-where the two are those of whole stripes."""
+_USUAL = 0.5
+"""Part of how far a cut or a second surface may move a centre by which it usually does, where the
+surface goes on to both sides."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
 _WHOLE, _FAINTEST, _LACKING = 0.85, 0.02, 0.7
@@ -80,12 +81,8 @@ _SURE_FAR = 0.2
 """… and so far off, stripes that are fainter as well are cut where they differ by more."""
 _FEWEST_LINES, _MOST_LINES = 4, 200
 """Lines that such a stretch is long to either side, at least and at most."""
-_REACH = 2.5
-"""Thicknesses of the sheet beyond which a surface no longer adds to a stripe."""
 _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
-_STEPS = 6
-"""Steps to either side that are looked at, at most."""
 _TOGETHER = 64
 """Steps whose widths are judged at a time."""
 _LEAST = 0.25
@@ -141,7 +138,7 @@ def wholeness(light: LitPoints) -> Wholeness:
 
     How the surface lies is known by the profiles before and after. What is narrower and fainter
     than both is doubted (`_pinched`); what lies on a crease is put back as far as both sides of it
-    tell, and doubted (`_creased`). Where both are there, the one that explains the width better
+    tell, and doubted (`creased`). Where both are there, the one that explains the width better
     counts, and the other as far as `_TORN` and the sheet's reach over the step; where the surface
     is round, what lies between them. Where one of them is missing, what ends the surface there cuts
     the stripe, too: the light that is left is a Gaussian cut off on that side, which tells how far
@@ -155,17 +152,18 @@ def wholeness(light: LitPoints) -> Wholeness:
     width = _steady(np.where(found, light.width, np.nan))
     bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = _arcs(light)
-    own, thickness = _lying(light, found, width, bright, arcs)
+    own, thickness, still = _lying(light, found, width, bright, arcs)
     sizes = _apart_along(light.points), thickness
-    more = np.maximum(_ended(light, width, arcs, sizes), _narrow(width, bright, sizes))
+    more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     return replace(own, doubt=np.maximum(own.doubt, more - np.abs(own.shift)))
 
 
 def _lying(
     light: LitPoints, found: Bools, width: Floats, bright: Floats, arcs: Floats
-) -> tuple[Wholeness, float]:
+) -> tuple[Wholeness, float, Bools]:
     """What the surface's slopes say of the stripes, as wide (s, n) px and bright (s, n) grey levels
-    as they are about each; and the sheet's thickness, mm, or what is taken for it."""
+    as they are about each; the sheet's thickness, mm, or what is taken for it; and True (s, n) for
+    points that no turn moves."""
     from turnscan.points import _wholeness_kernels as kernels
 
     walk, slide, side = _along_steps(kernels.across, light, arcs, (3, 2, *found.shape))
@@ -175,10 +173,13 @@ def _lying(
     due_on, thickness, told = _due(walk, width)
     flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
-    creased = _creased(
-        width, (walk, side), thickness, arcs, lambda far: _apart(light, arcs, due_on, far)
+    bent = creased(
+        Widths(width, bright, walk, side, arcs),
+        thickness,
+        lambda far: _apart(light, arcs, due_on, far),
+        lambda far, first, end: _folded(light, arcs, (thickness, far), (first, end)),
     )
-    fine = _fineness(arcs, thickness)
+    fine = fineness(arcs, thickness)
     dim = _dim(width, bright, found)
     glow = np.zeros_like(found)
     shift, doubt = np.empty(width.shape), np.empty(width.shape)
@@ -188,8 +189,8 @@ def _lying(
     def part(a: int, b: int) -> None:
         rows = np.arange(a - 1, b + 1) % size  # those before and after are looked at as well
         beyond = not light.closed and a == 0, not light.closed and b == size
-        wide = np.arange(a - 1 - _STEPS, b + 1 + _STEPS) % size
-        curved = _round(walk[:, wide], arcs[wide], thickness)[_STEPS:-_STEPS]
+        wide = np.arange(a - 1 - STEPS, b + 1 + STEPS) % size
+        curved = _round(walk[:, wide], arcs[wide], thickness)[STEPS:-STEPS]
         some = _Band(
             width[rows],
             walk[:, rows],
@@ -201,14 +202,15 @@ def _lying(
             fine[rows],
             beyond,
         )
-        *own, ratio = _judged(some, due_on, creased if creased is None else creased[:, rows])
+        *own, ratio = _judged(some, due_on, bent if bent is None else bent.some(rows))
         shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
         with np.errstate(invalid="ignore"):
             glow[a:b] = dim[a:b] & (np.fmin(*ratio)[1:-1] > _GLOW_WIDTH)
 
     in_parts(part, size, -(-size // _TOGETHER))
     glow = _runs_of(glow, dim)
-    return Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0), thickness
+    still = np.isinf(walk).any(axis=0)
+    return Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0), thickness, still
 
 
 def _runs_of(glow: Bools, dim: Bools) -> Bools:
@@ -247,13 +249,13 @@ class _Band(NamedTuple):
     light: Floats
     found: Bools
     fine: Floats
-    """(s, n) how much of a step the sheet reaches over (`_fineness`)."""
+    """(s, n) how much of a step the sheet reaches over (`fineness`)."""
     beyond: tuple[bool, bool]
     """Whether the grid ends with them, so that there is no step before, or after."""
 
 
 def _judged(
-    some: _Band, due_on: Callable[[Floats], Floats], creased: Floats | None
+    some: _Band, due_on: Callable[[Floats], Floats], bent: Creased | None
 ) -> tuple[Floats, Floats, Bools, Floats]:
     """Shift, doubt and tail, as `Wholeness` has them, of a band, and (2, s, n) which part of its
     due each width is; not of its first and last step."""
@@ -267,7 +269,7 @@ def _judged(
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
     inner = np.stack([due_on(some.flat), due_on(turned)])
-    known = some.fine >= _KNOWN
+    known = some.fine >= KNOWN
     share = np.where(known, 1.0, some.fine)
     inner = np.exp((1 - share) * np.log(due) + share * np.log(inner).mean(axis=0))
     due = np.where(ends & ~np.isnan(inner), inner, due)
@@ -276,10 +278,12 @@ def _judged(
     border &= some.found & ~np.isnan(ratio).all(axis=0)
     bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * some.fine * np.fmax(*bias)) * width)
+    doubt = np.where(border, doubt, _USUAL * doubt)
     pulled = np.zeros(width.shape)
-    if creased is not None:
-        pulled, unsure = ~curved * creased
-        doubt = np.maximum(doubt, np.maximum(_MODEL * np.abs(pulled), unsure - np.abs(pulled)))
+    if bent is not None:
+        pulled = np.where(curved, 0.0, bent.shift)
+        doubt = np.where(bent.settled & ~curved, 0.0, doubt)
+        doubt = np.maximum(doubt, ~curved * bent.doubt)
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(some.light, -1, 0), np.roll(some.light, 1, 0))
     with np.errstate(invalid="ignore"):
@@ -287,7 +291,7 @@ def _judged(
         cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
     off = np.where(first, some.side[0] * bias[0] * due[0], some.side[1] * bias[1] * due[1])
     off = np.where(cut, np.nan_to_num(off), 0.0)
-    doubt = np.where(cut, _MODEL * np.abs(off), doubt)
+    doubt = np.where(cut, MODEL * np.abs(off), doubt)
     shift = np.where(cut, np.where(known, off, 0.0), pulled)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
@@ -312,17 +316,6 @@ def _lacking(flux: Floats, first: Bools) -> Floats:
     f = np.clip(np.nan_to_num(left, nan=1.0), _FAINTEST, _WHOLE)
     off = np.exp(-0.5 * ndtri(f) ** 2) / (np.sqrt(2 * np.pi) * f)
     return np.asarray(np.where(f < _WHOLE, _LACKING * off, 0.0))
-
-
-def _fineness(arcs: Floats, thickness: float) -> Floats:
-    """(s, n) the part of a step that the sheet reaches over, 1 at most; 1 where the sheet's
-    thickness is not known.
-
-    A surface that begins further off than that adds nothing to a stripe.
-    """
-    if not thickness > 0:
-        return np.ones_like(arcs)
-    return np.asarray(np.nan_to_num(np.minimum(_REACH * thickness / arcs, 1.0), nan=1.0))
 
 
 def _steady(width: Floats) -> Floats:
@@ -361,13 +354,17 @@ def _arcs(light: LitPoints) -> Floats:
     return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
 
 
-def _ended(light: LitPoints, steadied: Floats, arcs: Floats, sizes: tuple[float, float]) -> Floats:
+def _ended(
+    light: LitPoints, steadied: Floats, arcs: Floats, still: Bools, sizes: tuple[float, float]
+) -> Floats:
     """(s, n) px that stripes may be off which are narrower, near an end of what is seen, than those
     further in: something cuts them there.
 
     Where that goes on from profile to profile, the cut stripes make a surface of their own, which
     runs along the rays to the edge, and their width is due on it. Stripes further in know better.
-    ``sizes`` mm: how far points of a profile usually are from each other, and how thick the sheet.
+    Where no turn moves a point (``still`` (s, n)), those of other profiles are the same place,
+    turned otherwise to the light. ``sizes`` mm: how far points of a profile usually are from each
+    other, and how thick the sheet.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -379,7 +376,7 @@ def _ended(light: LitPoints, steadied: Floats, arcs: Floats, sizes: tuple[float,
         places = light.points, light.eyes, light.sheets, arcs
         span = first, end
         out[:, first:end] = np.nan
-        kernels.whole_widths(places, light.width, steadied, sizes, light.closed, span, out)
+        kernels.whole_widths(places, (light.width, steadied), still, sizes, light.closed, span, out)
 
     in_parts(part, len(steadied))
     return np.asarray(np.nan_to_num(_bias(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
@@ -448,10 +445,10 @@ def _round(walk: Floats, arcs: Floats, thickness: float) -> Bools:
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         bend = np.log(walk[0] / walk[1])
-        reach = np.nan_to_num(_REACH * thickness / arcs)
+        reach = np.nan_to_num(REACH * thickness / arcs)
     sign, size = np.sign(bend), np.abs(bend)
     least, most, one_way = size, size, ~np.isnan(bend)
-    for far in range(1, _STEPS + 1):
+    for far in range(1, STEPS + 1):
         # Beside one, and beyond those that the sheet at the point reaches.
         asked = reach > far - 1 if far > 1 else np.ones_like(one_way)
         if not asked.any():
@@ -484,98 +481,16 @@ def _pinched(width: Floats, amplitude: Floats, beyond: tuple[bool, bool]) -> Flo
         return np.nan_to_num(np.where(narrow & dark, np.maximum(*about[0]), 0.0))
 
 
-def _creased(
-    width: Floats, lying: tuple[Floats, Floats], thickness: float, arcs: Floats,
-    apart: Callable[[int], Floats],
-) -> Floats | None:  # fmt: skip
-    """(2, s, n) px that stripes are off as they lie on two surfaces that meet under the sheet, and
-    that they may be off; None where the sheet's thickness is not known.
+def _folded(
+    light: LitPoints, arcs: Floats, sheet: tuple[float, int], span: tuple[int, int]
+) -> Floats:
+    """What the kernel of that name writes of a span of steps."""
+    from turnscan.points import _wholeness_kernels as kernels
 
-    Each surface draws the sheet out to a width of its own; what lies on both has one between the
-    two. Where the surfaces meet k thicknesses beside the sheet's middle, its centre is off by
-    Δ (φ(k) − |k| Φ(−|k|)), Δ being the difference of the two widths, towards the wider. How far the
-    width has come from the one to the other tells k (`_pull`), where the profiles next to it lie on
-    the two surfaces (`_whole_beside`), or the sheet reaches them; over long steps (`_KNOWN`)
-    nothing does. The centre may be off by as much as 4 f (1 − f) of the most, f being that way.
-    Profiles are looked at as far off as the sheet reaches, over what is linked. A surface that goes
-    on flat changes its width, too, as the table turns it to the light: no more counts than
-    ``apart`` (s, n) px says of
-    the surfaces so many steps off, in the light of the point's own step. ``lying`` are walk and
-    side, as `_wholeness_kernels.across` writes them.
-    """
-    if not thickness > 0:
-        return None
-    walk, side = lying
-    most = int(np.ceil(_REACH * thickness / max(float(np.nanmedian(arcs)), 1e-9)))
-    out = np.zeros((2, *width.shape))
-    sides = [width.copy(), width.copy()]
-    held = [np.ones(width.shape, np.bool_), np.ones(width.shape, np.bool_)]
-    for far in range(1, min(most, _STEPS) + 1):
-        for way, sign in ((0, 1), (1, -1)):
-            linked = ~np.isnan(np.roll(walk[way], -sign * (far - 1), axis=0))
-            beside = np.roll(width, -sign * far, axis=0)
-            held[way] &= linked & ~np.isnan(beside)
-            sides[way] = np.where(held[way], beside, sides[way])
-        _raise(out, width, sides, held, apart(far), side if far == 1 else None)
-    fine = _fineness(arcs, thickness)
-    out[0] *= (fine >= 1.0) | (fine >= _KNOWN) & _whole_beside(width)
-    # What no turn moves has the same surface beside it in every profile.
-    return np.where(np.isinf(walk).any(axis=0), 0.0, out)
-
-
-def _whole_beside(width: Floats) -> Bools:
-    """(s, n) True where stripes of the profiles before and after are about as wide as those next to
-    them, for how much the two differ: each lies on one surface, not on its way to yet another."""
-    one, beyond = np.roll(width, -1, axis=0), np.roll(width, -2, axis=0)
-    other, before = np.roll(width, 1, axis=0), np.roll(width, 2, axis=0)
-    with np.errstate(invalid="ignore"):
-        most = _SETTLED * np.abs(one - other)
-        return np.asarray(~((np.abs(beyond - one) > most) | (np.abs(before - other) > most)))
-
-
-def _raise(
-    out: Floats, width: Floats, sides: list[Floats], held: list[Bools], apart: Floats,
-    side: Floats | None,
-) -> None:  # fmt: skip
-    """Make the second of ``out`` (2, s, n) at least what `_between` gives where both sides are
-    held; and the first what `_pull` gives, where it is known on which ``side`` (2, s, n) they lie
-    in the picture."""
-
-    def part(a: int, b: int) -> None:
-        there = held[0][a:b] & held[1][a:b]
-        one, other = sides[0][a:b], sides[1][a:b]
-        f, differ = _between(width[a:b], one, other, apart[a:b])
-        out[1, a:b] = np.maximum(
-            out[1, a:b], np.where(there, 4.0 * f * (1.0 - f) * _CREASE * differ, 0.0)
-        )
-        if side is not None:
-            wider = np.where(one > other, side[0, a:b], side[1, a:b])
-            out[0, a:b] = np.where(there, np.nan_to_num(wider) * _pull(f) * differ, 0.0)
-
-    in_parts(part, len(width), -(-len(width) // _TOGETHER))
-
-
-def _between(width: Floats, one: Floats, other: Floats, apart: Floats) -> tuple[Floats, Floats]:
-    """How far stripes so wide have come from the narrower of two surfaces of these widths to the
-    wider, 0 to 1, and how much they differ, px; see `_creased`. 0 where noise may be all of it."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        low, high = np.minimum(one, other), np.maximum(one, other)
-        noise = 2.0 * _NOISE * 0.5 * (low + high)
-        differ = np.sqrt(np.maximum((high - low) ** 2 - noise**2, 0.0))
-        differ = np.fmin(differ, apart)
-        blind = np.minimum(0.5 * noise / (high - low), 0.4)
-        f = np.clip(((width - low) / (high - low) - blind) / (1 - 2 * blind), 0.0, 1.0)
-        return np.nan_to_num(f), np.nan_to_num(differ)
-
-
-def _pull(f: Floats) -> Floats:
-    """(...) φ(k) − |k| Φ(−|k|) where a part ``f`` of a stripe lies on the one of two surfaces and
-    the rest on the other: k = Φ⁻¹(f)."""
-    from scipy.special import ndtr, ndtri
-
-    both = (f > 0.0) & (f < 1.0)
-    k = np.abs(ndtri(np.where(both, f, 0.5)))
-    return np.where(both, np.exp(-0.5 * k * k) / np.sqrt(2 * np.pi) - k * ndtr(-k), 0.0)
+    out = np.full((5, span[1] - span[0], arcs.shape[1]), np.nan)
+    places = light.points, light.eyes, light.moves, light.sheets, arcs
+    kernels.folded(*places, _TILTED * light.noise, light.closed, span, out, sheet)
+    return out
 
 
 def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], far: int) -> Floats:
@@ -589,7 +504,7 @@ def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], f
     def part(a: int, b: int) -> None:
         due = due_on(np.stack([kernels.steady(w[a:b]) for w in walk]))
         with np.errstate(invalid="ignore"):
-            noise = _NOISE * (due[0] + due[1])
+            noise = NOISE * (due[0] + due[1])
             out[a:b] = np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0))
 
     in_parts(part, len(out), -(-len(out) // _TOGETHER))
@@ -639,5 +554,5 @@ def _bias(ratio: Floats, sure: Floats | float = 0.0) -> Floats:
     off, λ = φ(c)/Φ(c). What is too wide lies on two surfaces; its centre is off alike.
     """
     x = np.where(ratio < 1, 1.0 - ratio, _WIDER * (ratio - 1.0))
-    x = np.sqrt(np.maximum(np.minimum(x, _MOST) ** 2 - _NOISE**2, 0.0)) * ~(x < sure)
+    x = np.sqrt(np.maximum(np.minimum(x, _MOST) ** 2 - NOISE**2, 0.0)) * ~(x < sure)
     return np.asarray(0.9 * x + 2.75 * x * x)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import erf
+
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.compiled import njit
 
 Vector = tuple[float, float, float]
@@ -226,6 +228,35 @@ def across(
 
 
 @njit(cache=True, nogil=True)
+def _plane_beside(
+    places: Places, at: tuple[int, int], sign: int, limits: Pair, closed: bool, far: int
+) -> tuple[bool, int, Vector]:
+    """Whether the profiles ``far`` and one more steps off, in a direction, are linked to a point,
+    the step of the nearer, and the normal (any sign, unit) of the plane through both.
+
+    ``limits``: mm that the two lie apart at least, and usual arcs that neighbours do at most.
+    """
+    points, _, _, arc = places
+    (s, _, _), (k, j) = points.shape, at
+    m, o = k + sign * far, k + sign * (far + 1)
+    nothing = (0.0, 0.0, 0.0)
+    if not closed and (o < 0 or o >= s):
+        return False, -1, nothing
+    m, o = m % s, o % s
+    for i in range(far + 1):
+        a, b = (k + sign * i) % s, (k + sign * (i + 1)) % s
+        step = way(points, a, j, b, j)
+        # NaN, where one is missing, is no neighbour either.
+        if not np.sqrt(dot(step, step)) <= limits[1] * arc[a, j]:
+            return False, -1, nothing
+    gap = way(points, m, j, o, j)
+    if not np.sqrt(dot(gap, gap)) >= limits[0]:
+        return False, -1, nothing
+    there, normal = _normal(points, m, o, j, float(sign))
+    return there, m, normal
+
+
+@njit(cache=True, nogil=True)
 def further_in(
     points: Floats,
     eyes: Floats,
@@ -244,32 +275,107 @@ def further_in(
     the steps of a ``span``; NaN stays where one on the way is no neighbour, or the two are less
     than ``least`` mm apart.
     """
-    s, n, _ = points.shape
+    places, limits = (points, eyes, sheets, arc), (least, _LINKED)
     for k in range(span[0], span[1]):
         for hand in range(2):
-            sign = 1 - 2 * hand
-            o = k + sign * (far + 1)
-            if not closed and (o < 0 or o >= s):
-                continue
-            m, o = (k + sign * far) % s, o % s
-            for j in range(n):
-                linked = True
-                for i in range(far + 1):
-                    a, b = (k + sign * i) % s, (k + sign * (i + 1)) % s
-                    step = way(points, a, j, b, j)
-                    # NaN, where one is missing, is no neighbour either.
-                    if not np.sqrt(dot(step, step)) <= _LINKED * arc[a, j]:
-                        linked = False
-                        break
-                gap = way(points, m, j, o, j)
-                if not linked or not np.sqrt(dot(gap, gap)) >= least:
+            for j in range(points.shape[1]):
+                if np.isnan(points[k, j, 0]):
                     continue
-                there, normal = _normal(points, m, o, j, float(sign))
+                there, _, normal = _plane_beside(places, (k, j), 1 - 2 * hand, limits, closed, far)
                 if not there:
                     continue
                 ray, move = _ray(points, eyes, k, j), _at(moves, k, j)
                 away = _off(move, ray, dot(normal, move) / dot(normal, ray))
                 walk[hand, k, j] = abs(dot(_at(sheets, k, j), away))
+
+
+@njit(cache=True, nogil=True)
+def _crease_pulls(k: float, high: Vector, low: Vector) -> float:
+    """px that the centre of a sheet's light is off that of its middle on two lines that meet ``k``
+    thicknesses beside it.
+
+    Of each, that above k and that below: px for a thickness, px at the sheet's middle, and light.
+    """
+    ridge = np.exp(-0.5 * k * k) / np.sqrt(2.0 * np.pi)
+    below = 0.5 * (1.0 + erf(k / np.sqrt(2.0)))
+    above = 1.0 - below
+    light = low[2] * below + high[2] * above
+    first = low[2] * (low[1] * below - low[0] * ridge)
+    first += high[2] * (high[1] * above + high[0] * ridge)
+    return float(first / light - (low[1] if k > 0.0 else high[1]))
+
+
+@njit(cache=True, nogil=True)
+def folded(
+    points: Floats,
+    eyes: Floats,
+    moves: Floats,
+    sheets: Floats,
+    arc: Floats,
+    least: float,
+    closed: bool,
+    span: tuple[int, int],
+    out: Floats,
+    sheet: tuple[float, int],
+) -> None:
+    """What the planes of profiles before and after do to a stripe that lies on both.
+
+    Places as in `across`; ``sheet`` is how thick it is, mm, and how many steps off the nearer two
+    profiles are; the others are one more. In the plane of a point's ray and that of the next pixel
+    both are lines: a light of Gaussian profile falls on either as far as where they meet, and each
+    sends as much of it to the camera as it faces it. Writes into ``out`` (5, m, n), full of NaN,
+    for the m steps of a ``span``: px that the centre is off; how much wider a stripe is on the
+    plane after, and on that before, in the light of the point's own step than in that of the
+    profile there, as the table turns them; and how much more light they send in it. NaN stays where
+    one on the way is no neighbour, where the two of a side are less than ``least`` mm apart, or
+    where both sides lie on one of the sheet.
+    """
+    places, limits = (points, eyes, sheets, arc), (least, _LINKED)
+    thickness, far = sheet
+    for k in range(span[0], span[1]):
+        for j in range(points.shape[1]):
+            if np.isnan(points[k, j, 0]):
+                continue
+            after = _plane_beside(places, (k, j), 1, limits, closed, far)
+            before = _plane_beside(places, (k, j), -1, limits, closed, far)
+            if not after[0] or not before[0]:
+                continue
+            m, o = after[1], before[1]
+            to, back = way(points, k, j, m, j), way(points, k, j, o, j)
+            ray, move, normal = _ray(points, eyes, k, j), _at(moves, k, j), _at(sheets, k, j)
+            one = _line_on(after[2], to, ray, move, normal)
+            other = _line_on(before[2], back, ray, move, normal)
+            bend = one[0] - other[0]
+            if not dot(normal, to) * dot(normal, back) < 0.0 or not abs(bend) > 1e-9:
+                continue
+            meet = (other[1] - one[1]) / bend / thickness
+            first = (one[0] * thickness, one[1], one[2])
+            second = (other[0] * thickness, other[1], other[2])
+            high, low = (first, second) if dot(normal, to) > 0.0 else (second, first)
+            out[0, k - span[0], j] = _crease_pulls(meet, high, low)
+            own = _line_on(
+                after[2], to, _ray(points, eyes, m, j), _at(moves, m, j), _at(sheets, m, j)
+            )
+            out[1, k - span[0], j], out[3, k - span[0], j] = abs(one[0] / own[0]), one[2] / own[2]
+            own = _line_on(
+                before[2], back, _ray(points, eyes, o, j), _at(moves, o, j), _at(sheets, o, j)
+            )
+            out[2, k - span[0], j], out[4, k - span[0], j] = (
+                abs(other[0] / own[0]),
+                other[2] / own[2],
+            )
+
+
+@njit(cache=True, nogil=True)
+def _line_on(normal: Vector, to: Vector, ray: Vector, move: Vector, sheet: Vector) -> Vector:
+    """A plane of this ``normal`` through what lies ``to`` from a point, as the light sees it: px
+    for each mm across the sheet, px off the point at the sheet's middle, and the cosine under which
+    it is seen."""
+    facing = dot(normal, ray)
+    away = _off(move, ray, dot(normal, move) / facing)
+    slope = 1.0 / dot(sheet, away)
+    seen = abs(facing) / np.sqrt(dot(ray, ray))
+    return slope, -dot(normal, to) / facing * dot(sheet, ray) * slope, seen
 
 
 @njit(cache=True, nogil=True)
@@ -352,8 +458,8 @@ def _on_line(
 @njit(cache=True, nogil=True)
 def whole_widths(
     places: Places,
-    width: Floats,
-    steadied: Floats,
+    widths: tuple[Floats, Floats],
+    still: Bools,
     sizes: Pair,
     closed: bool,
     span: tuple[int, int],
@@ -361,14 +467,15 @@ def whole_widths(
 ) -> None:
     """How wide stripes are near an end of what is seen, and how wide those further in.
 
-    ``width`` (s, n) px are those of single stripes, ``steadied`` (s, n) px those of `steady`.
-    ``sizes`` mm: how far apart points of a profile usually are, and how thick the sheet is. Ends
-    are looked for along lines and along profiles as far as two thicknesses, and not further than
-    `_MOST_IN` points; beyond that three points inwards have a median width. Writes both widths of
-    the direction in which they differ most into ``out`` (2, s, n) px, full of NaN, for the steps of
-    a ``span``.
+    ``widths`` two times (s, n) px are those of single stripes, and those of `steady`. Of points
+    that no turn moves, ``still`` (s, n), the profiles before and after tell nothing. ``sizes`` mm:
+    how far apart points of a profile usually are, and how thick the sheet is. Ends are looked for
+    along lines and along profiles as far as two thicknesses, and not further than `_MOST_IN`
+    points; beyond that three points inwards have a median width. Writes both widths of the
+    direction in which they differ most into ``out`` (2, s, n) px, full of NaN, for the steps of a
+    ``span``.
     """
-    apart, thickness = sizes
+    (apart, thickness), (width, steadied) = sizes, widths
     for k in range(span[0], span[1]):
         for j in range(width.shape[1]):
             at = (k, j)
@@ -376,6 +483,8 @@ def whole_widths(
                 continue
             limits = (_ALONG * apart, _TAIL * thickness)
             for axis in range(2):
+                if axis == 0 and still[at]:
+                    continue
                 step = places[3][at] if axis == 0 else apart
                 if step > _CUT_OFF * thickness:  # what is further in is no longer the same surface
                     continue
