@@ -88,8 +88,7 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
         return [there.picture(0.0, on, seconds) for on in ((), *((laser,) for laser in lit))]
 
     stand = scene.bodies[0].T_table_part
-    middle = stand.apply(np.array([0.0, 0.0, 46.0]))
-    held = [_held(draw, stand, middle) for _ in range(free + under)]
+    held = held_boards(draw, stand, free + under)
     # The board shows its print to the camera between these angles only.
     start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
@@ -113,9 +112,19 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
             for k, picture in enumerate(turned)
         ]
+    return calibrate_rig(seen[:free], striped, table, said_of_boards(stand, step)).rig
+
+
+def said_of_boards(stand: Pose, step: float) -> CalibrationSettings:
+    """What the user says of the boards: on the table it ``stand``s and turns by ``step`` rad."""
     lowest = float(stand.apply(np.array([0.0, 0.0, MARGIN + BOARD.square]))[2])
-    settings = CalibrationSettings(step=step, table_board=BOARD, lowest=lowest, margin=MARGIN)
-    return calibrate_rig(seen[:free], striped, table, settings).rig
+    return CalibrationSettings(step=step, table_board=BOARD, lowest=lowest, margin=MARGIN)
+
+
+def held_boards(draw: np.random.Generator, stand: Pose, count: int) -> list[Pose]:
+    """Where boards are held that are like the one which stands on the table."""
+    middle = stand.apply(np.array([0.0, 0.0, 46.0]))
+    return [_held(draw, stand, middle) for _ in range(count)]
 
 
 def _held(draw: np.random.Generator, stand: Pose, middle: np.ndarray) -> Pose:

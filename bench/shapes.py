@@ -5,7 +5,10 @@ two of them); ``python -m bench shapes hexagon shaft`` some alone; ``--write`` p
 the page, each with the commit that it is of, and leaves those of other parts.
 ``python -m bench.shapes --rig modern --calibrated`` takes another rig, or one calibrated from
 pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --steps 24 shaft``
-scans a part so many times and tells how often its sizes keep their uncertainty; ``--keep FOLDER``
+scans a part so many times and tells how often its sizes keep their uncertainty; with ``--drawn`` it
+is one scan by so many calibrations from drawn corners and stripes, which take seconds, not minutes;
+``--pictures 8,8,12 24,16,24`` draws so many boards held freely, under the laser and on the table,
+each in turn; ``--keep FOLDER``
 keeps the scans there and finds them again; ``--freeform`` tells what is invented on a dense mesh of
 which nothing is a shape, and how long that takes.
 """
@@ -23,8 +26,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from bench import _keep
+from bench._drawn import from_drawn
 from bench._page import DOCS, MEASURED, figures, measured, replaced, write
-from bench._rigs import known_rig
+from bench._rigs import VIEWS, known_rig
 from bench.accuracy import NEAR_EDGE
 from bench.surface_truth import scanned
 from turnscan.arrays import Floats
@@ -108,6 +112,10 @@ class Task:
     """By simulated pictures of a board; else the rig is known exactly."""
     seed: int = 1
     steps: int = STEPS
+    drawn: int | None = None
+    """Seed of a calibration from drawn corners and stripes (`_drawn`)."""
+    pictures: tuple[int, int, int] = VIEWS
+    """That those stand for."""
 
     @property
     def spec(self) -> SimulationSpec:
@@ -118,6 +126,8 @@ class Task:
     def how(self) -> str:
         """What the table says of it."""
         more = ", rig calibrated" if self.calibrated else ""
+        if self.drawn is not None:
+            more = f", rig by {' + '.join(map(str, self.pictures))} drawn boards"
         return f"{self.steps} steps{more}" + (f", seed {self.seed}" if self.seed != 1 else "")
 
 
@@ -151,7 +161,9 @@ def found_on(task: Task, folder: Path) -> Found:
 
 
 def _believed(task: Task, made: Bench, folder: Path) -> Rig:
-    """The rig to measure with; a calibrated one is kept beside the scans."""
+    """The rig to measure with; one by pictures is kept beside the scans."""
+    if task.drawn is not None:
+        return from_drawn(task.spec, task.drawn, task.pictures)
     if not task.calibrated:
         return made.rig
     path = folder / f"rig-{task.part}-{task.rig}-seed-{task.seed}.json"
@@ -163,38 +175,52 @@ def _believed(task: Task, made: Bench, folder: Path) -> Rig:
 def measured_part(task: Task, folder: Path) -> list[str]:
     """The lines of a part in the table, and what else there is to say of it, after a scan."""
     f = found_on(task, folder)
-    body = f.made.scene.bodies[0]
-    true_frame = f.made.rig.T_camera_table.inverse() @ f.believed.T_camera_table
-    base = body.T_table_part.inverse() @ true_frame
-    place = _aligned(f.mesh, f.shapes, body.part, base)
-    name = task.part
+    part, place, name = f.made.scene.bodies[0].part, _placed(f), task.part
     lines = [line for t in TRUTHS[name] for line in _lines(name, t, f.sizes)]
-    edges = _edge_line(name, f.mesh, f.shapes, body.part, place)
-    rest = _rest(name, f.shapes, f.mesh, body.part, place, f.spent)
+    near = _near_edges(f.mesh, f.shapes, part, place)
+    edges = [] if near is None else [near.line(name)]
+    rest = _rest(name, f.shapes, f.mesh, part, place, f.spent)
     return [*lines, *edges, rest]
 
 
+def _placed(f: Found) -> Pose:
+    """Where the part is in the frame of its mesh."""
+    body = f.made.scene.bodies[0]
+    true_frame = f.made.rig.T_camera_table.inverse() @ f.believed.T_camera_table
+    base = body.T_table_part.inverse() @ true_frame
+    return _aligned(f.mesh, f.shapes, body.part, base)
+
+
 def repeated(task: Task, seeds: int, folder: Path) -> list[str]:
-    """Of many scans of a part, each size: its mean error, its scatter, and its E_n."""
-    offs = dict[str, list[tuple[float, float]]]()
+    """Of many scans of a part, or calibrations, each size: its mean error, its scatter, its E_n;
+    and how far the surface is off near sharp edges."""
+    offs, near = dict[str, list[tuple[float, float]]](), list[float]()
     for seed in range(1, seeds + 1):
-        f = found_on(replace(task, seed=seed), folder)
+        other = {"seed": seed} if task.drawn is None else {"drawn": seed}
+        f = found_on(replace(task, **other), folder)
         for t in TRUTHS[task.part]:
             offs.setdefault(t.name, []).extend(_errors(t, f.sizes))
+        edges = _near_edges(f.mesh, f.shapes, f.made.scene.bodies[0].part, _placed(f))
+        near += [] if edges is None else [edges.after]
     out = [
         "| part | size | found | mean error µm | scatter µm | u µm | E_n < 1 |",
         "|---|---|---|---|---|---|---|",
     ]
     for t in TRUTHS[task.part]:
         off = np.array(offs[t.name]).reshape(-1, 2)
-        head = f"| {task.part} | {t.name} | {len(off)} of {seeds * t.times} "
+        name = f"{t.name}, ′ in place of µm" if "angle" in t.kind else t.name
+        head = f"| {task.part} | {name} | {len(off)} of {seeds * t.times} "
         if not len(off):
             out.append(f"{head}| | | | |")
             continue
-        e, u = 1e3 * off.T
+        e, u = (60 if "angle" in t.kind else 1e3) * off.T
         kept = float(np.mean(np.abs(e) < 2 * u))
-        spread = f"{e.std(ddof=1):.1f}" if len(e) > 1 else ""
-        out.append(f"{head}| {e.mean():+.1f} | {spread} | {u.mean():.1f} | {kept:.0%} |")
+        spread = f"{e.std(ddof=1):.2f}" if len(e) > 1 else ""
+        out.append(f"{head}| {e.mean():+.2f} | {spread} | {u.mean():.2f} | {kept:.0%} |")
+    if near:
+        what = f"| {task.part} | surface near sharp edges, rms | {len(near)} of {seeds} "
+        spread = f"{np.std(near, ddof=1):.1f}" if len(near) > 1 else ""
+        out.append(f"{what}| {np.mean(near):.1f} | {spread} | | |")
     return out
 
 
@@ -244,12 +270,31 @@ def _aligned(mesh: Mesh, found: ShapeSet, part: Part, base: Pose) -> Pose:
     return pose(best.x) @ base
 
 
-def _edge_line(name: str, mesh: Mesh, found: ShapeSet, part: Part, place: Pose) -> list[str]:
-    """Root mean square distance of points of the surface near sharp edges, before and after."""
+@dataclass(frozen=True)
+class _NearEdges:
+    """µm: root mean square distances of points of the surface near sharp edges."""
+
+    before: float
+    after: float
+    """With the true edges."""
+    on_edge: float
+    sharp: int
+    """Edges."""
+
+    def line(self, name: str) -> str:
+        """The row of a part."""
+        return (
+            f"| {name} | {self.sharp} sharp edges: surface within {NEAR_EDGE:g} mm, rms | 0 | "
+            f"{self.before:.1f} → {self.after:.1f} µm | | {self.on_edge:.1f} on the edge | |"
+        )
+
+
+def _near_edges(mesh: Mesh, found: ShapeSet, part: Part, place: Pose) -> _NearEdges | None:
+    """Of a part whose distance is known, if it has sharp edges."""
     edges = find_edges(mesh, found)
     done = sharpened(mesh, found, edges)
     if part.distance is None or not done.on_edge.any():
-        return []
+        return None
     from scipy.spatial import cKDTree
 
     tree = cKDTree(done.mesh.vertices[done.on_edge])
@@ -260,11 +305,7 @@ def _edge_line(name: str, mesh: Mesh, found: ShapeSet, part: Part, place: Pose) 
         out.append(1e3 * float(np.sqrt(np.mean(part.distance(place.apply(X)) ** 2))))
     edge = part.distance(place.apply(done.mesh.vertices[done.on_edge]))
     on = 1e3 * float(np.sqrt(np.mean(edge**2)))
-    sharp = sum(e.form == "sharp" for e in edges)
-    return [
-        f"| {name} | {sharp} sharp edges: surface within {NEAR_EDGE:g} mm, rms | 0 | "
-        f"{out[0]:.1f} → {out[1]:.1f} µm | | {on:.1f} on the edge | |"
-    ]
+    return _NearEdges(out[0], out[1], on, sum(e.form == "sharp" for e in edges))
 
 
 def _rest(name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent: float) -> str:
@@ -341,6 +382,9 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--rig", default="paper")
     parser.add_argument("--calibrated", action="store_true", help="rig calibrated from pictures")
+    parser.add_argument("--drawn", action="store_true", help="by corners that are drawn")
+    usual = ",".join(map(str, VIEWS))
+    parser.add_argument("--pictures", nargs="+", default=[usual], help="that they stand for")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seeds", type=int, help="scan each part so many times")
     parser.add_argument("--steps", type=int, default=STEPS)
@@ -352,19 +396,36 @@ def main() -> None:
         _freeform()
         return
     tasks = [
-        Task(name, args.rig, args.calibrated, args.seed, args.steps) for name in args.parts or PARTS
+        Task(name, args.rig, args.calibrated, args.seed, args.steps, args.seed, _pictures(text))
+        if args.drawn
+        else Task(name, args.rig, args.calibrated, args.seed, args.steps)
+        for name in args.parts or PARTS
+        for text in (args.pictures if args.drawn else args.pictures[:1])
     ]
     with _keep.folder(args.keep) as folder:
         if args.seeds is None:
             _table(tasks, folder, args.write)
             return
-        for task in tasks:
-            head, line, *rows = repeated(task, args.seeds, folder)
-            rows = measured(rows, f"{args.seeds} × {task.how}")
-            lines = [f"{head} {MEASURED} |", f"{line}---|", *rows]
-            print("\n".join(lines), flush=True)
-            if args.write:
-                into_page("shapes-seeds", task.rig, lines)
+        _seeds(tasks, args.seeds, folder, args.write)
+
+
+def _pictures(text: str) -> tuple[int, int, int]:
+    free, under, turned = map(int, text.split(","))
+    return free, under, turned
+
+
+def _seeds(tasks: Sequence[Task], seeds: int, folder: Path, into_pages: bool) -> None:
+    """The table of many scans, or calibrations, of each part."""
+    lines = list[str]()
+    for task in tasks:
+        head, line, *rows = repeated(task, seeds, folder)
+        rows = measured(rows, f"{seeds} × {task.how}")
+        more = rows if lines else [f"{head} {MEASURED} |", f"{line}---|", *rows]
+        print("\n".join(more), flush=True)
+        lines += more
+        if into_pages:
+            table = "shapes-seeds" if task.drawn is None else "shapes-drawn"
+            into_page(table, task.rig, lines)
 
 
 if __name__ == "__main__":

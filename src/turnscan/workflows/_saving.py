@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from turnscan.errors import ExportError, InputError
@@ -132,6 +133,7 @@ def _as_step(
     # Both take what only those wait for who want a solid.
     from turnscan.drawings import check_opencascade
     from turnscan.shapes.primitives import find_shapes
+    from turnscan.shapes.swept import find_swept
     from turnscan.workflows._shapes_step import step_of
 
     check_opencascade()
@@ -139,5 +141,6 @@ def _as_step(
         raise InputError(f"{name}: STEP holds a solid or a shell", hint="give a mesh with faces")
     progress(0.0, "looking for shapes")
     found = find_shapes(what)
-    file = step_of(what, found, name, options.about, progress.subrange(0.4, 1.0))
+    swept = partial(find_swept, what, found)
+    file = step_of(what, found, swept, name, options.about, progress.subrange(0.4, 1.0))
     return file.data, list(file.findings)

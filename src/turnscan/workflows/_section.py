@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Cut
 from turnscan.workflows._loading import Source, load
@@ -52,5 +53,7 @@ def section(
     """
     wanted = [c for cut in cuts for c in (cuts_of([cut]) if isinstance(cut, str) else [cut])]
     loaded = load(source, progress=progress)
+    if not len(loaded.mesh.faces):
+        raise InputError(f"{loaded.name}: no faces", hint="sections are cut through a mesh")
     title = Path(loaded.name).name
     return sections_of(loaded.mesh, wanted, tolerance, title, {"source": title, **loaded.about})

@@ -149,7 +149,7 @@ class FoundShapes:
 
     def _step(self, progress: Progress) -> StepFile:
         about = {"source": Path(self.name).name, **self.about}
-        return step_of(self.mesh, self.found, self.name, about, progress)
+        return step_of(self.mesh, self.found, lambda: self.swept, self.name, about, progress)
 
     def save(self, *paths: str | Path, progress: Progress = no_progress) -> list[Finding]:
         """Write the coloured mesh (.ply or .glb) or a solid (.step, .stp, .igs or .iges).

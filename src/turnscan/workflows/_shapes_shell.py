@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from turnscan.drawings import Shell, ShellMaker
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes.patches import Bordering, Charting, Charts
 from turnscan.shapes.primitives import ShapeSet
-from turnscan.shapes.swept import find_swept
+from turnscan.shapes.swept import Swept
 
 _ROUNDS = 40
 _MOST = 30_000
@@ -20,16 +22,17 @@ some 2 KB in a file."""
 
 
 def shell_under(
-    mesh: Mesh, found: ShapeSet, progress: Progress = no_progress
+    mesh: Mesh, found: ShapeSet, swept: Sequence[Swept], progress: Progress = no_progress
 ) -> tuple[Shell, Charts]:
-    """Faces on the charts of a mesh, sewn by the edges that they share.
+    """Faces on the charts of a mesh, sewn by the edges that they share: of its shapes, its swept
+    pieces, and B-splines.
 
     Where a face is off its edges or has faults, here or read back, its edges follow the mesh. Where
     that does not help, its chart is cut finer. What is then too small becomes facets, so that the
     shell still closes; unless these were most of the mesh.
     """
     progress(0.0, "laying surfaces under the part")
-    cutting = Charting(mesh, found, find_swept(mesh, found))
+    cutting = Charting(mesh, found, swept)
     tracing, maker = Bordering(mesh), ShellMaker()
     charts, along_mesh = cutting.charts(), frozenset[int]()
     most = min(_MOST, int(_SHARE * len(mesh.faces)))

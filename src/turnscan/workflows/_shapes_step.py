@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.shapes import volume_sigma
 from turnscan.shapes.patches import Charts, ExtrudedPatch, ShapePatch, SplinePatch, TurnedPatch
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_and_distances
+from turnscan.shapes.swept import Swept
 from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
 from turnscan.workflows._shapes_shell import shell_under
 from turnscan.workflows._shapes_table import finite
@@ -42,8 +43,9 @@ _COVER = 0.8
 _LARGE = 0.01
 """Share of the surface from which a filling is a face that was not seen, and no gap at an edge."""
 _LOST = 0.05
-"""Share of the points on shapes that may lie off their solid: where a mesh is open, no volume says
-that parts of it are missing."""
+"""Share of the measured points, and of those on shapes, that may lie off the solid of shapes: it
+lacks what it has no shape for, such as pockets and fillets, and no volume of a mesh that is open or
+largely filled says so."""
 _SETTLED = 1e-3
 """Share of the volume that may change where edges lie within a tolerance of their faces: every
 reader places them again."""
@@ -95,14 +97,15 @@ def iges_of(solid: Solid, name: str) -> bytes:
 
 
 def step_of(
-    mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object],
-    progress: Progress = no_progress,
+    mesh: Mesh, found: ShapeSet, swept: Callable[[], Sequence[Swept]], name: str,
+    about: Mapping[str, object], progress: Progress = no_progress,
 ) -> StepFile:  # fmt: skip
     """A part as STEP AP242, each face in the colour of its deviation.
 
     It is the solid that the shapes close to. Where they do not, it is made of their parts that were
     measured and of B-splines fitted to the rest, a shell if the mesh is open; triangles stand where
-    no surface is within the tolerance.
+    no surface is within the tolerance. ``swept`` finds the swept pieces of the rest, where they are
+    needed.
 
     Raises InputError where OpenCASCADE is not installed, ExportError where the file does not read
     back the same; Cancelled where it is no longer wanted.
@@ -112,7 +115,7 @@ def step_of(
     title = Path(name).stem or "part"
     made, why = _analytic(mesh, found)
     if made is None:
-        return _of_patches(mesh, found, title, about, why, progress.subrange(0.2, 1.0))
+        return _of_patches(mesh, found, swept(), title, about, why, progress.subrange(0.2, 1.0))
     sigma = _sigma(mesh, measured_vertices(mesh))
     off = face_deviations(made.distance, made.face, made.facets, made.solid.faces, sigma=sigma)
     file = _written(off, found, made.solid, title, about)
@@ -152,18 +155,20 @@ def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
             continue
         facets = solid.facets(_FACETS * found.tolerance)
         distance, face = nearest_faces(mesh.vertices[known], facets)
-        off_it = np.abs(distance[found.label[known] >= 0]) > 2 * found.tolerance
-        if off_it.mean() <= _LOST:
+        off_it = np.abs(distance) > 2 * found.tolerance
+        lost, of_shapes = off_it.mean(), off_it[found.label[known] >= 0].mean()
+        if max(lost, of_shapes) <= _LOST:
             return _Analytic(solid, added, facets, distance, face), ""
-        why = f"their solid lacks {off_it.mean():.0%} of the points on shapes"
+        what = "points on shapes" if of_shapes > _LOST else "measured points"
+        why = f"their solid lacks {of_shapes if of_shapes > _LOST else lost:.0%} of the {what}"
     return None, why
 
 
 def _of_patches(
-    mesh: Mesh, found: ShapeSet, title: str, about: Mapping[str, object], why: str,
-    progress: Progress,
+    mesh: Mesh, found: ShapeSet, swept: Sequence[Swept], title: str, about: Mapping[str, object],
+    why: str, progress: Progress,
 ) -> StepFile:  # fmt: skip
-    shell, charts = shell_under(mesh, found, progress.subrange(0.0, 0.7))
+    shell, charts = shell_under(mesh, found, swept, progress.subrange(0.0, 0.7))
     progress(0.7, "writing the faces and reading them back")
     if not shell.charts:
         return _triangles(mesh, title, about, f"{why}, and no B-spline is within the tolerance")
@@ -187,11 +192,11 @@ def _of_patches(
         return _triangles(mesh, title, about, f"{why}, and {e.message}")
     splines = sum(isinstance(charts.patches[k], SplinePatch) for k in shell.charts)
     flat = f", {len(alone)} triangles of the mesh where no surface fits" if alone else ""
-    swept = sum(isinstance(charts.patches[k], ExtrudedPatch | TurnedPatch) for k in shell.charts)
-    drawn = f", {swept} of them swept" if swept else ""
+    many = sum(isinstance(charts.patches[k], ExtrudedPatch | TurnedPatch) for k in shell.charts)
+    drawn = f", {many} of them swept" if many else ""
     pieces = f"{drawn}, {splines} of them B-splines{flat}: {why}"
     more = {
-        "faces_swept": swept,
+        "faces_swept": many,
         "faces_bspline": splines,
         "faces_triangles": len(alone),
         "triangles": int(left.sum()),

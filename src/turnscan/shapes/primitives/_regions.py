@@ -31,8 +31,10 @@ Index = npt.NDArray[np.int64]
 
 LIMIT = 3.0
 """Standard deviations that a point may be off its surface."""
-_CURVED = 2.0
-"""Vertices that scatter so many times as much with the curvature as without are far apart on it."""
+_CURVED = (1.3, 2.0)
+"""Vertices that scatter so many times as much with the curvature as without it lie close together
+on the surface, and so many times as far apart: then the curvature is no noise. Between the two, a
+part of it is."""
 _TWICE = 1.2582
 """Deviation of independent noise less the mean of its neighbours, taken twice, over once."""
 _PATTERN = 0.15
@@ -179,9 +181,10 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     noise = _usual(off)
     if sigma is not None:
         flat = _without_curvature(off, tail, near)
-        even = _usual(flat)
-        if even * _CURVED < noise:
-            off, noise = flat, even
+        even = max(_usual(flat), 1e-300)
+        share = float(np.clip((noise / even - _CURVED[0]) / (_CURVED[1] - _CURVED[0]), 0.0, 1.0))
+        off = off + share * (flat - off)
+        noise = _usual(off)
     noise = max(noise, 1e-5 * size)
     scale = np.full(len(X), noise) if sigma is None else np.maximum(sigma, noise)
     floor = max(LIMIT * noise, 1e-4 * size)
