@@ -464,3 +464,19 @@ def test_views_and_triggers_of_a_stranger_are_refused(tmp_path: Path) -> None:
 def test_a_plan_tells_whether_its_part_is_real(source: str, simulated: bool) -> None:
     plan = ScanPlan(64, 48, "uint8", 1, ("a",), 4, 20.0, source=source)
     assert plan.simulated == (source if simulated else "")
+
+
+def test_two_scans_of_the_same_frames_are_the_same_to_the_byte(tmp_path: Path) -> None:
+    """Whether somebody looks on or not."""
+    made = []
+    for name, watched in (("a", False), ("b", True)):
+        path = tmp_path / f"{name}.turnscan"
+        with Scan.create(path, PLAN, rig_of()) as scan:
+            for k in range(PLAN.steps):
+                scan.add(Frame(k, "left", *stripe_pair(k), commanded=0.1 * k))
+                if watched:
+                    with Scan.open(path) as seen:
+                        assert len(seen.steps()) == k + 1
+            scan.keep_settings('{"kept": 1}')
+        made.append(path.read_bytes())
+    assert made[0] == made[1]

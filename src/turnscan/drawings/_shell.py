@@ -315,7 +315,8 @@ def _flat(border: Border, patch: Patch) -> tuple[Any, float]:
         inner = np.unique(border.knots)
         t = np.unique(np.concatenate([a + (b - a) * np.linspace(0, 1, 5) for a, b in
                                       itertools.pairwise(inner)]))  # fmt: skip
-        degree = min(3, len(t) - 1)
+        # A cubic through the corners of a polyline would swing beside them, and cross itself.
+        degree = min(3 if border.degree > 1 else 1, len(t) - 1)
         curve = make_interp_spline(t, patch.parameters(space(t)), k=degree)
         uv, knots, apart = curve.c, curve.t, border.apart / 2
     poles = [gp_Pnt2d(float(u), float(v)) for u, v in uv]

@@ -12,13 +12,22 @@ from turnscan.mesh import Mesh, measured_vertices, opposite_half_edges, smoothed
 from turnscan.shapes.patches._fit import Sample, fitted_patch
 from turnscan.shapes.patches._patch import Patch
 from turnscan.shapes.patches._surfaces import ShapePatch, SplinePatch, patch_of_shape
-from turnscan.shapes.patches._swept_surfaces import SweptPatch, extruded_patch, turned_patch
+from turnscan.shapes.patches._swept_surfaces import (
+    ExtrudedPatch,
+    SweptPatch,
+    TurnedPatch,
+    extruded_patch,
+    turned_patch,
+)
 from turnscan.shapes.primitives import ShapeSet
 from turnscan.shapes.primitives import _region_kernels as region
+from turnscan.shapes.primitives._regions import LIMIT
 from turnscan.shapes.swept import Swept
 
 _FEW = 40
 """Faces: smaller pieces go to a neighbour, and charts are not cut into smaller ones."""
+_WIDE, _PARTS = 4.0, 20
+"""Usual sides of faces from which one is wide, and in how many parts at most its sides are seen."""
 _FILLING = 100
 """Faces that a filling must have to be charts of its own; smaller ones belong to what is around."""
 _NEAR = 4.0
@@ -85,7 +94,10 @@ class Charting:
         self.vertex_normal = normal
         self.middle = mesh.triangles.mean(axis=1)
         self.known = measured_vertices(mesh)
-        usual = found.tolerance / 3
+        t = mesh.triangles
+        self.side = float(np.median(np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2)))
+        """mm: of the faces, usually."""
+        usual = found.tolerance / LIMIT
         sigma = np.full(len(mesh.vertices), usual)
         if mesh.provenance is not None:
             told = mesh.provenance.sigma
@@ -94,6 +106,8 @@ class Charting:
         self.limit = np.maximum(found.tolerance, 3 * sigma)
         self.trimmed = dict[int, int]()
         """How often a shape, by its identity, has lost faces at its border."""
+        self.unswept = np.zeros(len(mesh.faces), dtype=np.bool_)
+        """(f,) Faces under which a swept surface made no sound face."""
 
     def charts(self) -> Charts:
         """The charts of the mesh.
@@ -120,8 +134,9 @@ class Charting:
         """The charts, those that failed cut again; all others keep their number.
 
         A shape loses the faces about the ``places`` (n, 3) mm of its chart where its border is
-        wrong. Where that does not help, a B-spline takes its place, two charts that of a B-spline,
-        and where a chart is too small for that, or has no surface, its faces themselves do.
+        wrong. Where that does not help, and for a swept surface, a B-spline takes its place, two
+        charts that of a B-spline, and where a chart is too small for that, or has no surface, its
+        faces themselves do.
         """
         label, patches, facets = charts.label.copy(), list(charts.patches), set(charts.facets)
         for c in bad:
@@ -134,8 +149,9 @@ class Charting:
                 patches.append(was)
             if kept:
                 faces = np.setdiff1d(faces, np.concatenate(kept))
-            elif isinstance(was, ShapePatch):
+            elif isinstance(was, ShapePatch | ExtrudedPatch | TurnedPatch):
                 parts = [faces]
+                self.unswept[faces] |= not isinstance(was, ShapePatch)
             elif was is not None and len(faces) > 2 * _FEW:
                 parts = self._halves(faces)
             left = np.zeros(len(label), dtype=np.bool_)
@@ -291,16 +307,25 @@ class Charting:
         wide = np.unique(self.mesh.faces[self._around(faces, piece)])
         within = np.isin(wide, corners)
         known = self.known[wide]
+        inside, normal = self._inside_wide_faces(faces)
+        more = len(inside)
         sample = Sample(
-            self.mesh.vertices[wide], self.vertex_normal[wide], self.sigma[wide], known, within
+            np.concatenate([self.mesh.vertices[wide], inside]),
+            np.concatenate([self.vertex_normal[wide], normal]),
+            np.r_[self.sigma[wide], np.full(more, self.found.tolerance / LIMIT)],
+            np.r_[known, np.zeros(more, dtype=np.bool_)],
+            np.r_[within, np.ones(more, dtype=np.bool_)],
         )
         asked = within & known if (within & known).any() else within
 
         def fits(off: Floats) -> bool:
-            return float((np.abs(off[asked]) <= self.limit[wide[asked]]).mean()) >= _NEARLY
+            own, between = np.abs(off[: len(wide)][asked]), np.abs(off[len(wide) :])
+            if more and float((between <= self.found.tolerance).mean()) < _NEARLY:
+                return False
+            return float((own <= self.limit[wide[asked]]).mean()) >= _NEARLY
 
         one = self._sweep_of(corners)
-        if one is not None:
+        if one is not None and not self.unswept[faces].any():
             swept = (
                 extruded_patch(sample, one.axis, up)
                 if one.kind == "extrusion"
@@ -310,6 +335,21 @@ class Charting:
                 return swept
         patch, off = fitted_patch(sample, up)
         return patch if fits(off) else None
+
+    def _inside_wide_faces(self, faces: Ints) -> tuple[Floats, Floats]:
+        """(n, 3) mm within those of some faces that are far wider than usual, such as of a lid, and
+        the unit normals (n, 3) there: a spline that knows their corners alone bulges between."""
+        t = self.mesh.triangles[faces]
+        longest = np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2).max(axis=1)
+        points, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
+        for k in np.flatnonzero(longest > _WIDE * self.side):
+            parts = min(int(np.ceil(longest[k] / (_WIDE * self.side))), _PARTS)
+            i, j = np.divmod(np.arange((parts + 1) ** 2), parts + 1)
+            a, b = i[i + j <= parts] / parts, j[i + j <= parts] / parts
+            points.append(np.column_stack([a, b, 1 - a - b]) @ t[k])
+            twice = np.cross(t[k, 1] - t[k, 0], t[k, 2] - t[k, 0])
+            normals.append(np.broadcast_to(twice / max(np.linalg.norm(twice), 1e-300), (len(a), 3)))
+        return np.concatenate(points), np.concatenate(normals)
 
     def _sweep_of(self, corners: Ints) -> Swept | None:
         """The swept piece that most measured vertices of a chart are of."""

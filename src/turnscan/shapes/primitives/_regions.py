@@ -31,7 +31,7 @@ Index = npt.NDArray[np.int64]
 
 LIMIT = 3.0
 """Standard deviations that a point may be off its surface."""
-_CURVED = (1.3, 2.0)
+_CURVED = (1.2, 1.7)
 """Vertices that scatter so many times as much with the curvature as without it lie close together
 on the surface, and so many times as far apart: then the curvature is no noise. Between the two, a
 part of it is."""

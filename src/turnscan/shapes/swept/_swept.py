@@ -28,7 +28,7 @@ from turnscan.shapes.revolved import turned_about
 from turnscan.shapes.verification._statistics import clumping
 
 SweptKind = Literal["surface of revolution", "extrusion"]
-_POINTS, _SMALLEST = 1000, 0.03
+_POINTS, _SMALLEST = 500, 0.02
 """Points that a piece must have, and share of the measured surface."""
 _RIM = 3
 """Rings of vertices beside shapes and open borders that do not count: stripes are bent there."""
@@ -39,7 +39,7 @@ _CELL, _PLACE = 25, 2.0
 """Points of such a cell, about; and steps of the mesh that a place of a profile is wide."""
 _ON = 0.9
 """Share of the points that must lie on it."""
-_LONG = 12.0
+_LONG = 6.0
 """Steps of the mesh that an extrusion reaches, at least."""
 _WIDE = float(np.radians(30.0))
 """Angle that the normals must span across the sweep, else the piece is nearly a plane."""
