@@ -6,6 +6,7 @@ searched, so that dozens of calibrations cost what one by pictures does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +33,7 @@ def from_drawn(spec: SimulationSpec, seed: int, views: tuple[int, int, int] = VI
     held = held_boards(drawn.dice, stand, free + under)
     seen = [drawn.board(at, f"free {k}") for k, at in enumerate(held)]
     under_it = list(zip(held[free:], seen[free:], strict=True))
-    striped = {
+    striped: dict[str, Sequence[LaserPicture]] = {
         sheet.name: [LaserPicture(view, drawn.stripe(at, sheet.name)) for at, view in under_it]
         for sheet in rig.sheets
     }

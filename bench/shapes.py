@@ -196,8 +196,8 @@ def repeated(task: Task, seeds: int, folder: Path) -> list[str]:
     and how far the surface is off near sharp edges."""
     offs, near = dict[str, list[tuple[float, float]]](), list[float]()
     for seed in range(1, seeds + 1):
-        other = {"seed": seed} if task.drawn is None else {"drawn": seed}
-        f = found_on(replace(task, **other), folder)
+        again = replace(task, seed=seed) if task.drawn is None else replace(task, drawn=seed)
+        f = found_on(again, folder)
         for t in TRUTHS[task.part]:
             offs.setdefault(t.name, []).extend(_errors(t, f.sizes))
         edges = _near_edges(f.mesh, f.shapes, f.made.scene.bodies[0].part, _placed(f))

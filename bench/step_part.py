@@ -172,8 +172,9 @@ def _largest_piece(g: Ground, on: Bools) -> Longs:
     there = np.repeat(np.arange(len(on)), np.diff(g.start))
     both = on[there] & on[g.near]
     link = coo_matrix((np.ones(int(both.sum())), (there[both], g.near[both])), shape=2 * on.shape)
-    piece = connected_components(link, directed=False)[1][own]
-    return own[piece == np.bincount(piece).argmax()]
+    piece: Ints = connected_components(link, directed=False)[1][own]
+    largest: Longs = own[piece == np.bincount(piece).argmax()]
+    return largest
 
 
 def _told(
