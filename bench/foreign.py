@@ -178,7 +178,7 @@ class Row:
         """For the table."""
         cells = (
             self.name, str(self.steps), *self.single.cells(), *self.merged.cells(),
-            f"{self.merged.off.max():.2f}", f"{100 * self.complete:.1f}",
+            f"{max(self.merged.off, default=np.nan):.2f}", f"{100 * self.complete:.1f}",
         )  # fmt: skip
         return f"| {' | '.join(cells)} |"
 
