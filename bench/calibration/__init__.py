@@ -1,7 +1,7 @@
 """Calibration against what was asked of it: each figure beside its wanted value.
 
 ``python -m bench calibration [PART …] [--quick] [--write]``. The parts: ``boards`` (rigs calibrated
-from rendered pictures, then a ball bar), ``zscores`` (errors over the uncertainties stated, 100
+from rendered pictures, then a ball bar), ``axis`` (where the axis comes out, over draws), ``zscores`` (errors over the uncertainties stated, 100
 rigs), ``targetless`` (from a ruler to a rig by two lasers), ``poses`` (by one laser
 and a part in two poses), ``table`` (a table that is eccentric
 and has play), ``verify`` (drift, and 200 calibrations), ``refused`` (set-ups and inputs that must
@@ -20,7 +20,7 @@ from bench.calibration import _figures
 from bench.calibration._figures import HEAD, Figure
 
 PARTS = (
-    "boards", "zscores", "targetless", "poses", "table", "verify", "refused", "real", "time",
+    "boards", "axis", "zscores", "targetless", "poses", "table", "verify", "refused", "real", "time",
 )  # fmt: skip
 PAGE = DOCS / "explain" / "calibration.md"
 

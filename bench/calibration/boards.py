@@ -71,8 +71,8 @@ def _rig(name: str) -> Iterator[Figure]:
 def _axis(name: str, true: Rig, rig: Rig, limits: tuple[float, ...] | None) -> Iterator[Figure]:
     laser = rig.sheets[0].name
     basis = np.linalg.svd(rig.T_camera_table.rotation[:, 2:].T)[2][1:]
-    off = _seen(rig, laser, basis) - _seen(true, laser, basis)
-    spread = _covariance(rig, laser, basis)
+    off = seen_of(rig, laser, basis) - seen_of(true, laser, basis)
+    spread = spread_of(rig, laser, basis)
     for what, unit, parts, k in (
         ("axis in the camera's frame, off", "mm", slice(0, 2), 0),
         ("axis in the camera's frame, turned", "°", slice(2, 4), 1),
@@ -86,7 +86,7 @@ def _axis(name: str, true: Rig, rig: Rig, limits: tuple[float, ...] | None) -> I
         yield Figure(line.name, line.asked, reached, line.met)
 
 
-def _seen(rig: Rig, laser: str, basis: Floats) -> Floats:
+def seen_of(rig: Rig, laser: str, basis: Floats) -> Floats:
     """(6,) mm from the camera to the axis half as high as the bar, and degrees by which it leans,
     along both directions of ``basis`` (2, 3), across it; mm and degrees from the sheet to it."""
     T, sheet = rig.T_camera_table, rig.sheet(laser)
@@ -95,14 +95,14 @@ def _seen(rig: Rig, laser: str, basis: Floats) -> Floats:
     return np.array([*basis @ at, *np.degrees(basis @ axis), float(sheet.distance(at)), lean])
 
 
-def _covariance(rig: Rig, laser: str, basis: Floats) -> Floats:
-    """(6, 6) of what `_seen` gives, as the rig's own covariance leaves it open."""
+def spread_of(rig: Rig, laser: str, basis: Floats) -> Floats:
+    """(6, 6) of what `seen_of` gives, as the rig's own covariance leaves it open."""
     if rig.covariance is None:
         return np.full((6, 6), np.nan)
     values, directions = np.linalg.eigh(rig.covariance)
     steps = (_STEP * np.sqrt(np.maximum(values, 0.0)) * directions).T
     slopes = [
-        _seen(rig.perturbed(d), laser, basis) - _seen(rig.perturbed(-d), laser, basis)
+        seen_of(rig.perturbed(d), laser, basis) - seen_of(rig.perturbed(-d), laser, basis)
         for d in steps
     ]
     J = np.array(slopes) / (2 * _STEP)

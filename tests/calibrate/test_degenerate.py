@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.calibrate.bodies import both, prism, two_lasers
+from tests.calibrate.bodies import Body, both, cylinder, doubted, prism, ruled, sphere, two_lasers
+from tests.calibrate.test_refine import bar, cone
 from tests.calibrate.world import CAMERA, SHAPE, World, true_layout, true_rig
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
@@ -22,6 +23,7 @@ from turnscan.calibrate import (
     MarkerView,
     Refined,
     RefineSettings,
+    Round,
     TablePicture,
     angle_model,
     calibrate_rig,
@@ -29,6 +31,7 @@ from turnscan.calibrate import (
     findings_of,
     refine,
 )
+from turnscan.calibrate._bodies import Form, Known
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._steps import AngleModel
 from turnscan.errors import CalibrationError
@@ -124,6 +127,33 @@ def refined(lasers: int, radius: float | None = None) -> Refined:
     return refine(rig, sweeps, RefineSettings(queries=500, body=size))
 
 
+def ruled_body(body: Body, form: Form, known: tuple[Known | None, ...], lasers: int = 2) -> Refined:
+    """A rig as a ruler knows it, by one body."""
+    true, some = two_lasers(lasers=lasers), STEPS[::2]
+    sweeps = both(true, body, some, some, 3, every=10)
+    return refine(ruled(true, 1), sweeps, RefineSettings(queries=400, rounds=6, body=(form, known)))
+
+
+def upright_cone(points: Floats) -> Floats:
+    r = np.hypot(points[..., 0], points[..., 1])
+    return np.asarray(r - (20.0 - points[..., 2] * np.tan(np.radians(12.0))))
+
+
+def wall(points: Floats) -> Floats:
+    """One plane."""
+    return np.asarray(points @ [0.05, 0.9, 0.43] - 12.0)
+
+
+def axis_by_a_plane() -> Refined:
+    true = two_lasers()
+    known = doubted(true)
+    assert known.covariance is not None
+    table = [n.startswith("table.") for n in true.parameter_names]
+    known = replace(known, covariance=known.covariance * np.outer(table, table))
+    sweeps = both(true, wall, STEPS, STEPS, 3, every=10)
+    return refine(ruled(true, 1, known), sweeps, RefineSettings(queries=400, rounds=6))
+
+
 def unlit() -> list[LaserPicture]:
     return [LaserPicture(p.view, np.zeros((0, 2))) for p in lit(world().board_poses(4))]
 
@@ -136,6 +166,7 @@ def disorder() -> AngleModel:
     return angle_model(np.random.default_rng(1).uniform(-3, 3, 40), np.full(40, 1e-3))
 
 
+CENTRED = sphere((0.0, 0.0, 22.0), 18.0)
 _SAME = "camera: .* same direction"
 _SET_UPS: list[tuple[str, Callable[[], object], str]] = [
     ("two boards", lambda: camera_of(boards(world().board_poses(2))), "camera: .* in 2 of 2"),
@@ -167,6 +198,23 @@ _SET_UPS: list[tuple[str, Callable[[], object], str]] = [
      "no two surfaces overlap"),
     ("body of another size", lambda: refined(2, 40.0),
      "no sphere of 80 mm"),
+    ("ball about the axis, one laser", lambda: ruled_body(CENTRED, Balls(), ((18.0, 0.002),), 1),
+     "the sphere stands about the rotation axis"),
+    ("ball about the axis", lambda: ruled_body(CENTRED, Balls(), ((18.0, 0.002),)),
+     "the sphere stands about the rotation axis"),
+    ("cylinder about the axis, one laser",
+     lambda: ruled_body(cylinder((0.0, 0.0), 15.0), Round(), ((15.0, 0.002),), 1),
+     "the cylinder stands about the rotation axis"),
+    ("cylinder about the axis",
+     lambda: ruled_body(cylinder((0.0, 0.0), 15.0), Round(), ((15.0, 0.002),)),
+     "the cylinder stands about the rotation axis"),
+    ("cone about the axis",
+     lambda: ruled_body(upright_cone, Round(conical=True), ((20.0, 0.002), None)),
+     "the cone stands about the rotation axis"),
+    ("cone alone, one laser",
+     lambda: ruled_body(cone, Round(conical=True), ((20.0, 0.002), None), 1),
+     "alone, the cone says too little"),
+    ("plane alone", axis_by_a_plane, "no two surfaces overlap"),
 ]  # fmt: skip
 
 
@@ -175,6 +223,25 @@ def test_refused_by_name(name: str, attempt: Callable[[], object], says: str) ->
     with pytest.raises(CalibrationError, match=says) as caught:
         attempt()
     assert caught.value.hint, name
+
+
+@pytest.mark.parametrize(
+    ("body", "form", "known", "scale"),
+    [
+        (sphere((14.0, 3.0, 22.0), 18.0), Balls(), (None,), True),
+        (sphere((14.0, 3.0, 22.0), 18.0), Balls(), ((18.0, 0.001),), False),
+        (bar, Balls(2), ((10.0, 0.005), (10.0, 0.005), (38.0, 0.002)), False),
+        (cylinder((9.0, 2.0), 14.0, 20.0), Round(), (None,), True),
+    ],
+    ids=["ball", "ball of known size", "ball bar", "tilted cylinder"],
+)
+def test_what_is_no_fault_is_not_refused(
+    body: Body, form: Form, known: tuple[Known | None, ...], scale: bool
+) -> None:
+    """One laser and a body beside the axis leave the scale open, where no size is known."""
+    done = ruled_body(body, form, known, 1)
+    assert ("scale" in done.held) == scale
+    assert done.shape_after < 0.005 * done.shape_before
 
 
 def test_there_are_twenty() -> None:

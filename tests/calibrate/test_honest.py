@@ -38,6 +38,9 @@ class Line:
     names = ("slope", "bend")
     own_sizes = (1,) * VIEWS
 
+    def own_words(self, view: int) -> str:
+        return f"height of curve {view}"
+
     def blocks(self, state: tuple[Floats, Floats]) -> list[Block]:
         shared, heights = state
         out = []
@@ -98,6 +101,9 @@ class Wave:
 
     names = tuple(f"wave {k}" for k in range(VIEWS - 6))
     own_sizes = (0,) * VIEWS
+
+    def own_words(self, view: int) -> str:
+        return f"nothing of curve {view}"
 
     def blocks(self, state: Floats) -> list[Block]:
         out = []

@@ -30,6 +30,7 @@ from turnscan.calibrate._bodies import Body as FittedBody
 from turnscan.calibrate._bodies import Form, Known
 from turnscan.calibrate._bodies_found import refuse_ends
 from turnscan.calibrate._normal import weight
+from turnscan.calibrate._refine_advice import refine_advice
 from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress
@@ -505,7 +506,23 @@ def test_what_one_turn_of_the_table_leaves_open_is_asked_for() -> None:
     true, some = two_lasers(), STEPS[::2]
     known = ((10.0, 0.005), (10.0, 0.005), (38.0, 0.003))
     settings = replace(QUICK, queries=300, rounds=2, body=(Balls(2), known))
-    done = refine(doubted(true, 0.3, 0.1), both(true, bar, some, some, 3, every=12), settings)
+    sweeps = both(true, bar, some, some, 3, every=12)
+    done = refine(doubted(true, 0.3, 0.1), sweeps, settings)
     assert done.advice.undetermined == ("table: play between the two ways of turning",)
     assert done.advice.stage == "table"
     assert "there and back" in done.advice.text
+    # Where play at the start alone is open, a scan that sees its first steps again tells it.
+    free = np.diag(done.fit.covariance) > 0
+    start = refine_advice(done.rig, done.fit, free, ["motion.start"], sweeps, done.shape_after)
+    assert start.stage == "table"
+    assert "past a whole turn" in start.text
+
+
+def test_what_no_surface_shows_bends_no_shape() -> None:
+    """A ruler's rig is turned by 2° about and shifted by 5 mm along its axis; neither is measured,
+    and neither bends anything: what the rest leaves is some hundredths of a millimetre."""
+    true, some = two_lasers(), STEPS[::2]
+    settings = replace(QUICK, queries=300, body=(Balls(), ((18.0, 0.005),)))
+    sweeps = both(true, sphere((14.0, 3.0, 22.0), 18.0), some, some, 3, every=12)
+    done = refine(ruled(true), sweeps, settings)
+    assert done.shape_after < 0.05 < 2.0 < done.shape_before

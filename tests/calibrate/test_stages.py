@@ -25,6 +25,8 @@ from turnscan.calibrate import (
     findings_of,
     measured_uncertainty,
 )
+from turnscan.calibrate._advice import _wanted
+from turnscan.calibrate._board import Chessboard
 from turnscan.calibrate._prior import like, moved_by, prior_of
 from turnscan.calibrate._procedure import Stages
 from turnscan.calibrate._rig import _evidence
@@ -219,6 +221,15 @@ def test_a_corner_under_the_stripe_costs_no_picture(camera: bool) -> None:
     odd = LaserPicture(replace(p.laser[0].view, corners=corners), p.laser[0].candidates)
     c = calibrate_rig(boards, {"laser": [odd, *p.laser[1:]]}, [], SETTINGS, known=known)
     assert [r.name for r in c.rejected] == ["l0"]
+
+
+@pytest.mark.parametrize(("square", "small"), [(40.0, True), (80.0, False)])
+def test_a_board_that_is_small_in_the_picture_is_said(square: float, small: bool) -> None:
+    world = World(true_rig(), np.random.default_rng(1), 0.1)
+    board = Chessboard(8, 6, square)
+    views = [world.board_view(T, board, f"c{k}") for k, T in enumerate(world.board_poses(8))]
+    text = _wanted(calibrate_rig(views, {}, [], SETTINGS), "camera")
+    assert ("of its width that the board fills now" in text) == small
 
 
 def test_it_says_which_pictures_would_help_most() -> None:

@@ -11,9 +11,12 @@ from turnscan.calibrate._adjust import shared_columns
 from turnscan.calibrate._normal import build, weight
 from turnscan.calibrate._quality import measured_uncertainty, test_points
 from turnscan.calibrate._rig import Calibration
-from turnscan.rig import Rig
+from turnscan.rig import Camera, Rig
 
 _HUBER = 2.5
+_FILLS = 0.6
+"""Of a picture: a board that spans less narrows so little where it is tilted that the focal length,
+and the distance of all things from the camera with it, hang on few hundredths of a pixel."""
 _SIDES = (("top", "middle", "bottom"), ("left", "middle", "right"))
 
 
@@ -112,4 +115,13 @@ def _wanted(c: Calibration, role: str) -> str:
     )
     row, column = (int(k) for k in np.unravel_index(cells.argmin(), cells.shape))
     place = " ".join(dict.fromkeys((_SIDES[0][row], _SIDES[1][column])))
-    return f"pictures of the board, tilted up to 45°, above all at the {place} of the picture"
+    text = f"pictures of the board, tilted up to 45°, above all at the {place} of the picture"
+    fills = float(np.median([_fills(v.corners, camera) for v in c.network.boards]))
+    if fills < _FILLS:
+        text += f", and larger than the {fills:.0%} of its width that the board fills now"
+    return text
+
+
+def _fills(corners: Floats, camera: Camera) -> float:
+    """How much of a picture's width or height, whichever is more, a board's corners span."""
+    return float((np.ptp(corners, axis=0) / (camera.width, camera.height)).max())

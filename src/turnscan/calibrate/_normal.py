@@ -15,6 +15,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.calibrate._words import parameter_in_words
 from turnscan.errors import Degenerate
 
 _SINGULAR = 1e-12
@@ -60,6 +61,10 @@ class Network(Protocol[State]):
     @property
     def own_sizes(self) -> tuple[int, ...]:
         """Number of own parameters of every view."""
+        ...
+
+    def own_words(self, view: int) -> str:
+        """What a view's own parameters are, and of which picture, in words."""
         ...
 
 
@@ -125,7 +130,7 @@ def build(
             own_g[b.view] += Bw.T @ b.residual
             cross[b.view] += Bw.T @ A
     H[np.diag_indices(p)] *= 1 + damping
-    inverses = _inverses(own_H, damping)
+    inverses = _inverses(own_H, damping, network.own_words)
     for inverse, c, own in zip(inverses, cross, own_g, strict=True):
         if len(own):
             lever = inverse @ c
@@ -134,8 +139,9 @@ def build(
     return System(H, g, inverses, own_g, cross, cost_of(blocks, scales, huber))
 
 
-def _inverses(own: list[Floats], damping: float) -> list[Floats]:
-    """Inverse of every view's own matrix; those of one size at once, as each is small."""
+def _inverses(own: list[Floats], damping: float, words: Callable[[int], str]) -> list[Floats]:
+    """Inverse of every view's own matrix; those of one size at once, as each is small. ``words``
+    say what the parameters of a view are."""
     out = list(own)
     for size in sorted({len(N) for N in own} - {0}):
         which = [i for i, N in enumerate(own) if len(N) == size]
@@ -143,7 +149,7 @@ def _inverses(own: list[Floats], damping: float) -> list[Floats]:
         stack[:, np.arange(size), np.arange(size)] *= 1 + damping
 
         def name(n: int, k: int, which: list[int] = which) -> str:
-            return f"own parameter {k} of view {which[n]}"
+            return words(which[n])
 
         for i, inverse in zip(which, _inverted(stack, name), strict=True):
             out[i] = inverse
@@ -163,13 +169,16 @@ def _inverted(stack: Floats, name: Callable[[int, int], str]) -> Floats:
     d = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0.0))
     flat = np.argwhere(d <= 0)
     if len(flat):
-        raise Degenerate(f"nothing observed depends on {name(*(int(x) for x in flat[0]))}")
+        raise Degenerate(
+            f"nothing observed depends on this: {name(*(int(x) for x in flat[0]))}",
+            hint="add pictures that show it, or leave out the one that does not",
+        )
     size = d[:, :, None] * d[:, None, :]
     values, vectors = np.linalg.eigh(stack / size)
     n = int(values[:, 0].argmin())
     if values[n, 0] < _SINGULAR:
         worst = np.argsort(-np.abs(vectors[n, :, 0]))[:3]
-        names = ", ".join(name(n, int(k)) for k in worst)
+        names = "; ".join(dict.fromkeys(name(n, int(k)) for k in worst))
         raise Degenerate(
             f"the views cannot separate these: {names}",
             hint="add views that differ more in tilt, distance and position",
@@ -179,9 +188,9 @@ def _inverted(stack: Floats, name: Callable[[int, int], str]) -> Floats:
 
 
 def free_name(network: Network[State], free: Bools) -> Callable[[int], str]:
-    """Gives the name of a free parameter by its place among these."""
+    """Gives a free parameter in words by its place among these."""
     names = [n for n, f in zip(network.names, free, strict=True) if f]
-    return lambda k: names[k]
+    return lambda k: parameter_in_words(names[k])
 
 
 def step(network: Network[State], system: System, free: Bools) -> tuple[Floats, list[Floats]]:

@@ -77,6 +77,14 @@ class RigNetwork:
         """Six for a board's pose, one for an angle; the first angle is where zero is."""
         return (6,) * len(self.boards) + tuple(0 if i == 0 else 1 for i in range(len(self.table)))
 
+    def own_words(self, view: int) -> str:
+        """What a view's own parameters are, and of which picture."""
+        n = len(self.boards)
+        if view < n:
+            return f"the pose of the board in {self.boards[view].name or f'picture {view + 1}'}"
+        name = self.table[view - n].name or f"picture {view - n + 1}"
+        return f"the angle of the table in {name}"
+
     def blocks(self, state: State) -> list[Block]:
         """Residuals and derivatives of all observations at ``state``."""
         out: list[Block] = []

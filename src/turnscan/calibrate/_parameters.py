@@ -8,7 +8,11 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
-from turnscan.calibrate._words import PIXELS, parameter_in_words
+from turnscan.calibrate._words import (
+    parameter_in_words,
+    uncertainty_in_words,
+    value_in_words,
+)
 
 _BOW = ("aa", "ab", "bb")
 
@@ -25,7 +29,8 @@ def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
         away = float(s.normal @ s.centre)
         values[f"{s.name}.offset"] = f"{away:.3f} mm from the camera"
         values[f"{s.name}.turn_along"] = f"normal {_vector(s.normal)}"
-        values |= {f"{s.name}.bow_{n}": f"{q:.3g} 1/mm" for n, q in zip(_BOW, s.bow, strict=True)}
+        bows = {f"{s.name}.bow_{n}": float(q) for n, q in zip(_BOW, s.bow, strict=True)}
+        values |= {name: value_in_words(name, q) for name, q in bows.items()}
     if rig.table_known or layout is not None:
         T = c.rig.T_camera_table
         values["table.turn_x"] = f"axis {_vector(T.rotation[:, 2])}"
@@ -33,27 +38,17 @@ def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
         values |= {f"table.shift_{n}": f"{t:.3f} mm" for n, t in shifts}
     if isinstance(layout, MarkerLayout):
         own = [*layout.shape, *layout.squares.ravel()]
-        values |= {n: f"{v:.6g}" for n, v in zip(layout.names, own, strict=True)}
-    values |= {n: f"{v:.3g} 1/mm" for n, v in zip(BEND, state.bend, strict=True)}
+        values |= {n: value_in_words(n, float(v)) for n, v in zip(layout.names, own, strict=True)}
+    values |= {n: value_in_words(n, float(v)) for n, v in zip(BEND, state.bend, strict=True)}
     sigma = np.sqrt(np.diag(c.fit.covariance))
     return [
         (
             parameter_in_words(name),
             values.get(name, ""),
-            _uncertainty(name, float(s)) if s > 0 else "held fixed",
+            uncertainty_in_words(name, float(s)) if s > 0 else "held fixed",
         )
         for name, s in zip(c.network.names, sigma, strict=True)
     ]
-
-
-def _uncertainty(name: str, sigma: float) -> str:
-    """In words, with its unit."""
-    what = name.rpartition(".")[2]
-    if what.startswith("turn_"):
-        return f"{np.degrees(sigma):.3g}°"
-    if name.startswith("camera.") and what in PIXELS:
-        return f"{sigma:.3g} px"
-    return f"{sigma:.3g} mm" if what == "offset" or what.startswith("shift_") else f"{sigma:.3g}"
 
 
 def _vector(v: Floats) -> str:

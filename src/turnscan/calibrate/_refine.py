@@ -56,9 +56,12 @@ _TOLD = 0.5
 """Of what was known before: a parameter that stays less certain than this was hardly determined."""
 _WILD = 3.0
 """Times what is thought possible of a table."""
-_OPEN = 0.2
+_OPEN = 0.02
 """Of how far the rig bent shapes before: a body that leaves more of it says too little. Bodies that
-stand well leave a hundredth."""
+stand well leave three thousandths at most, a ball 0.1 mm beside the rotation axis three
+hundredths."""
+_STAYS = 2.0
+"""Times its noise: a stripe that moves less, whichever way the table is turned, stays."""
 _MATERIAL = 0.2
 """Of the stripe's noise, rms: less cannot be distinguished from errors that stripes have on tilted
 surfaces."""
@@ -167,12 +170,23 @@ def refine(
     if len({sweep.laser for sweep in many}) == 1:
         many = tuple(part for sweep in many for part in turns_of(sweep))
     _check_poses(many, s)
+    if s.body is not None and s.geometry:
+        _refuse_about_axis(many, s.body[0].name)
     begin = Surfaces(replace(rig, covariance=None, motion=_motion(rig, many)), (), s.poses)
     doubt = doubt_of(rig, many) if s.geometry else 0.0
     state, rough = _begun(rig, begin, many, s, doubt, progress.subrange(0, _APPROACH))
     free = _free(rig, state, many, s)
     part = progress.subrange(_APPROACH if doubt > _FAR_MM or _drawn(s) else 0.0, 1.0)
-    network, fit = _settled(rig, state, many, free, s, rough, part)
+    try:
+        network, fit = _settled(rig, state, many, free, s, rough, part)
+    except DidNotConverge as error:
+        if s.body is None:
+            raise
+        raise DidNotConverge(
+            f"{error.message}: alone, the {s.body[0].name} says too little of a rig that is known "
+            "so little",
+            hint="take a ball or ball bar beside the rotation axis, which faces in all directions",
+        ) from None
     before = _gap_before(rig, begin, network, fit.state, s, doubt)
     refuse_strayed(rig, fit.state.rig, "" if s.body is None else s.body[0].name)
     _refuse_wild(fit.state.motion)
@@ -217,6 +231,26 @@ def _refuse_open(done: Refined, name: str) -> None:
         f"{', '.join(names) or 'sums of several parameters'}",
         hint="scan it again away from the rotation axis, and tilted; or take a ball or ball bar",
     )
+
+
+def _refuse_about_axis(sweeps: Sequence[Sweep], name: str) -> None:
+    """Raise Degenerate for a body whose stripe stays in its place, however the table is turned: it
+    is round about the axis, and says nothing of where that is."""
+    moves = []
+    for sweep in sweeps:
+        line = np.round(sweep.pixels[:, 1 - sweep.across]).astype(np.int64)
+        _, where, count = np.unique(line, return_inverse=True, return_counts=True)
+        place = sweep.pixels[:, sweep.across]
+        middle = np.bincount(where, place) / count
+        off = (place - middle[where]) / sweep.sigma
+        moves.append(off[count[where] > 2])
+    every = np.abs(np.concatenate(moves)) if moves else np.zeros(0)
+    if len(every) and float(np.median(every)) < _STAYS:
+        raise Degenerate(
+            f"the {name} stands about the rotation axis: its stripe stays in its place at all "
+            "angles of the table, which leaves open where the axis is and how it leans",
+            hint="scan it again away from the rotation axis, and tilted",
+        )
 
 
 def _check_poses(sweeps: Sequence[Sweep], s: RefineSettings) -> None:
@@ -497,8 +531,10 @@ def _told(
         covariance[part, :] = 0.0
         covariance[:, part] = 0.0
         covariance[np.ix_(part, part)] = fit.covariance[np.ix_(part, part)]
-        for gauge in gauge_of(before) if part.size and not known_together(before) else ():
-            covariance += np.outer(gauge, gauge) * (gauge @ before.covariance @ gauge)
+        if part.size and not known_together(before):
+            # The axis moved: along the old one, what nobody knows would bend shapes.
+            for was, now in zip(gauge_of(before), gauge_of(state.rig), strict=True):
+                covariance += np.outer(now, now) * (was @ before.covariance @ was)
         held = [
             n for n, s, o, f in zip(before.parameter_names, sigma, old, free, strict=False)
             if f and s > _TOLD * o

@@ -53,6 +53,9 @@ def refine_advice(
                       "this one: it tells the table's waves")  # fmt: skip
     if moved and "motion.backlash" in held:
         return Advice(open_, "table", "a scan that turns there and back: it tells the table's play")
+    if moved and "motion.start" in held:
+        return Advice(open_, "table", "a scan that goes on past a whole turn: what it saw in its "
+                      "first steps it sees again, with the play taken up")  # fmt: skip
     if rig.covariance is None or not free[: len(rig.parameter_names)].any():
         return Advice(open_, "", "nothing: laser sheets and axis are held as they were")
     again = shape_doubt(replace(rig, covariance=_twice(rig.covariance, fit, free)), sweeps)

@@ -183,6 +183,10 @@ class SurfaceNetwork:
         """No step has parameters of its own; its points have errors in common."""
         return (0,) * int(self._first[-1])
 
+    def own_words(self, view: int) -> str:
+        """Of the step ``view``, which has none."""
+        return f"nothing of step {view}"
+
     def moved(self, state: Surfaces, common: Floats, own: Sequence[Floats]) -> Surfaces:
         """``state`` after a step of the parameters."""
         loose = self._nudged(state, common)

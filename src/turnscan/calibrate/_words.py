@@ -22,7 +22,7 @@ _SHEET = {
 }
 _WAYS = {"x": "right", "y": "downwards", "z": "away from the camera"}
 _PLAY = {"start": "play taken up at the start", "backlash": "play between the two ways of turning"}
-PIXELS = ("fx", "fy", "cx", "cy")
+_PIXELS = ("fx", "fy", "cx", "cy")
 """Parameters of a camera that are counted in px."""
 
 
@@ -52,11 +52,34 @@ def parameter_in_words(name: str) -> str:
 def amount_in_words(name: str, value: float, sigma: float) -> str:
     """A value and its standard uncertainty (mm, rad, px as the parameter has them), with the unit;
     angles in degrees."""
+    factor, unit = unit_of(name)
+    digits = "{:+.3g} ± {:.3g}" if "/" in unit else "{:+.4f} ± {:.4f}"
+    return digits.format(factor * value, factor * sigma) + unit
+
+
+def value_in_words(name: str, value: float) -> str:
+    """A value (mm, rad, px as the parameter has it), with its unit; angles in degrees."""
+    factor, unit = unit_of(name)
+    return f"{factor * value:.6g}{unit}"
+
+
+def uncertainty_in_words(name: str, sigma: float) -> str:
+    """A standard uncertainty (mm, rad, px as the parameter has them), with its unit; angles in
+    degrees."""
+    factor, unit = unit_of(name)
+    return f"{factor * sigma:.3g}{unit}"
+
+
+def unit_of(name: str) -> tuple[float, str]:
+    """What a parameter is multiplied with to be read, and the unit that follows the number; empty
+    for a number without one."""
     of, _, what = name.rpartition(".")
     if of == "motion" or what.startswith(("turn_", "tilt_")) or what.endswith("angle"):
-        return f"{math.degrees(value):+.4f} ± {math.degrees(sigma):.4f}°"
+        return math.degrees(1.0), "°"
     if of == "camera":
-        return f"{value:+.4f} ± {sigma:.4f}" + (" px" if what in PIXELS else "")
-    if what.startswith("bow_"):
-        return f"{value:+.3g} ± {sigma:.3g} 1/mm"
-    return f"{value:+.4f} ± {sigma:.4f} mm"
+        return 1.0, " px" if what in _PIXELS else ""
+    if what.startswith(("bow_", "bend_")):
+        return 1.0, " 1/mm"
+    if what.startswith("slope_") or name == "scale":
+        return 1.0, ""
+    return 1.0, " mm"
