@@ -93,7 +93,9 @@ def _lines(true: Rig, rigs: list[Rig], way: Held) -> Iterator[Figure]:
     ):
         size = np.linalg.norm(off[:, part], axis=1)
         line = at_most(f"{way.words}: {what}", float(size.max()), MODERN[k], unit, 4)
-        words = f"median {np.median(size):.4f}, largest {size.max():.4f} {unit} of {len(size)} draws"
+        words = (
+            f"median {np.median(size):.4f}, largest {size.max():.4f} {unit} of {len(size)} draws"
+        )
         words += f" (U = {2 * np.sqrt(told[part].sum()):.4f} {unit})"
         yield Figure(line.name, line.asked if asked else "", words, line.met if asked else None)
 
@@ -116,11 +118,11 @@ def _drawn(true: Rig, stand: Pose, way: Held, seed: int) -> Rig:
                                   true.sheets[0].name)  # fmt: skip
             lit.append(LaserPicture(view, seen.pixels))
     step = 2 * TURN / (STOPS - 1)
+    turns = [Pose(rotation_z(-TURN + k * step), np.zeros(3)) for k in range(STOPS)]
     turned = [
-        _view(corners, true.T_camera_table @ Pose(rotation_z(-TURN + k * step), np.zeros(3)) @ stand,
-              BOARD, f"t{k}")
-        for k in range(STOPS)
-    ]  # fmt: skip
+        _view(corners, true.T_camera_table @ turn @ stand, BOARD, f"t{k}")
+        for k, turn in enumerate(turns)
+    ]
     table = [TablePicture(v, {}, v.name, k) for k, v in enumerate(turned) if v is not None]
     # The table's origin is beside the true one where the lowest corner's height is: along the axis,
     # which moves no axis.
@@ -151,8 +153,8 @@ def _view(world: World, T: Pose, board: Charuco, name: str) -> BoardView | None:
     camera = world.rig.camera
     view = world.board_view(T, board, name)
     size = np.array([camera.width, camera.height])
-    inside = ((view.corners > 3) & (view.corners < size - 4)).all(axis=1)
-    if inside.sum() < len(inside) // 4:
+    inside = np.flatnonzero(((view.corners > 3) & (view.corners < size - 4)).all(axis=1))
+    if len(inside) < len(view.ids) // 4:
         return None
     return replace(view, corners=view.corners[inside], ids=view.ids[inside],
                    size=(camera.width, camera.height))  # fmt: skip

@@ -119,21 +119,24 @@ def _mouse() -> Iterator[Figure]:
     yield at_most(name, sides[1].value - sides[0].value, 0.15, "mm")
 
 
-def mouse(every: int = 1) -> CalibrationQuality:
-    """`turnscan.workflows.calibrate` with each so manyth of the boards under the laser."""
+def mouse(every: int = 1, times: int = 1) -> CalibrationQuality:
+    """`turnscan.workflows.calibrate` with each so manyth of the boards under the laser, and each
+    picture of the table so many times."""
     with tempfile.TemporaryDirectory() as folder:
-        lit = Path(folder) / "lit"
+        lit, table = Path(folder) / "lit", Path(folder) / "table"
         lit.mkdir()
+        table.mkdir()
         for path in list_pictures(MOUSE / "laser-boards")[::every]:
             (lit / path.name).symlink_to(path)
+        for k, path in enumerate(list_pictures(MOUSE / "empty-table")):
+            for n in range(times):
+                (table / f"step{times * k + n:04d}.jpg").symlink_to(path)
         done = calibrate(
-            CalibrationPictures(
-                str(MOUSE / "camera-boards"), {"laser": str(lit)}, str(MOUSE / "empty-table")
-            ),
+            CalibrationPictures(str(MOUSE / "camera-boards"), {"laser": str(lit)}, str(table)),
             "chessboard:8x6:40",
             Path(folder) / "rig.json",
             markers="DICT_4X4_50:30",
-            table_step_deg=2.25,
+            table_step_deg=2.25 / times,
         )
     assert done.figures is not None
     return done.figures

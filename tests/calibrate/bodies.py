@@ -64,6 +64,27 @@ def prism(centre: tuple[float, float], flats: float, sides: int = 6, lean_deg: f
     return outside
 
 
+LOW = np.array([-16.0, 4.0, 14.0])
+ALONG = np.array([0.8, 0.1, 0.59]) / np.linalg.norm([0.8, 0.1, 0.59])
+
+
+def bar(points: Floats) -> Floats:
+    """Two balls of 20 mm, 38 mm apart, the second one higher."""
+    ends = (LOW, LOW + 38.0 * ALONG)
+    away = [np.linalg.norm(points - c, axis=-1) - 10.0 for c in ends]
+    nearest: Floats = np.minimum(*away)
+    return nearest
+
+
+def cone(points: Floats) -> Floats:
+    lean = np.radians(8.0)
+    axis = np.array([np.sin(lean), 0.0, np.cos(lean)])
+    d = points - [6.0, 2.0, 0.0]
+    z = d @ axis
+    r = np.linalg.norm(d - z[..., None] * axis, axis=-1)
+    return np.asarray(r - (20.0 - z * np.tan(np.radians(12.0))))
+
+
 def drawn(mesh: Mesh, lies: Pose) -> Body:
     """A mesh that lies somewhere; far from it, 50 mm."""
     form, (low, high) = Part(mesh), mesh.bounds

@@ -9,8 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.calibrate.bodies import Body, both, cylinder, doubted, prism, ruled, sphere, two_lasers
-from tests.calibrate.test_refine import bar, cone
+from tests.calibrate.bodies import (
+    Body,
+    bar,
+    both,
+    cone,
+    cylinder,
+    doubted,
+    prism,
+    ruled,
+    sphere,
+    two_lasers,
+)
 from tests.calibrate.world import CAMERA, SHAPE, World, true_layout, true_rig
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
@@ -242,6 +252,11 @@ def test_what_is_no_fault_is_not_refused(
     done = ruled_body(body, form, known, 1)
     assert ("scale" in done.held) == scale
     assert done.shape_after < 0.005 * done.shape_before
+
+
+def test_boards_without_a_stripe_are_told_before_a_camera_is_known() -> None:
+    assert not any(p.shows_line(SETTINGS) for p in unlit())
+    assert all(p.shows_line(SETTINGS) for p in lit(world().board_poses(4)))
 
 
 def test_there_are_twenty() -> None:

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 
 from tests.calibrate.bodies import (
     Body,
+    bar,
     both,
+    cone,
     cylinder,
     doubted,
     drawn,
@@ -302,27 +304,6 @@ def test_play_is_taken_up_once_and_again_on_the_way_back() -> None:
     assert np.degrees(waves.angle(np.radians([90.0]))) == pytest.approx([91.0])
     turn = np.linspace(0, 2 * np.pi, 100, endpoint=False)
     assert waves.sigma(turn).max() == pytest.approx(1e-3, rel=1e-2)
-
-
-LOW = np.array([-16.0, 4.0, 14.0])
-ALONG = np.array([0.8, 0.1, 0.59]) / np.linalg.norm([0.8, 0.1, 0.59])
-
-
-def bar(points: Floats) -> Floats:
-    """Two balls of 20 mm, 38 mm apart, the second one higher."""
-    ends = (LOW, LOW + 38.0 * ALONG)
-    away = [np.linalg.norm(points - c, axis=-1) - 10.0 for c in ends]
-    nearest: Floats = np.minimum(*away)
-    return nearest
-
-
-def cone(points: Floats) -> Floats:
-    lean = np.radians(8.0)
-    axis = np.array([np.sin(lean), 0.0, np.cos(lean)])
-    d = points - [6.0, 2.0, 0.0]
-    z = d @ axis
-    r = np.linalg.norm(d - z[..., None] * axis, axis=-1)
-    return np.asarray(r - (20.0 - z * np.tan(np.radians(12.0))))
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,9 @@ def test_a_body_that_leaves_the_rig_open_is_refused_by_what_is_open() -> None:
     wrong = replace(ruled(true, 1, known), covariance=known.covariance)
     sweeps = both(true, sphere((0.11, 0.0, 22.0), 18.0), STEPS[::2], STEPS[::2], 3, every=12)
     settings = RefineSettings(queries=200, rounds=3, body=(Balls(), ((18.0, 0.005),)))
-    with pytest.raises(Degenerate, match=r"says too little.* 11\.99 mm before; open are") as refused:
+    with pytest.raises(
+        Degenerate, match=r"says too little.* 11\.99 mm before; open are"
+    ) as refused:
         refine(wrong, sweeps, settings)
     assert "tilted" in str(refused.value.hint)
 

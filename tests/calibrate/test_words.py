@@ -79,5 +79,5 @@ def test_a_picture_that_fixes_nothing_of_its_own_is_named() -> None:
     state = State(replace(w.rig, sheets=()), None, (w.board_poses(1)[0],), np.zeros(0))
     alone = replace(blind, table=())
     free = np.zeros(len(alone.names), dtype=bool)
-    with pytest.raises(Degenerate, match="depends on this: the pose of the board in c7.png"):
+    with pytest.raises(Degenerate, match=r"depends on this: the pose of the board in c7\.png"):
         build(alone, alone.blocks(state), free, {BOARD: 1.0}, None, 0.0)

@@ -193,8 +193,18 @@ def test_what_is_wrong_with_the_line_is_said(
     assert (done.line_share > 0.9) == (code not in ("scan.no-line", "scan.no-stripe"))
 
 
-def test_a_weak_line_in_a_lit_room_is_told_from_the_part_by_its_colour(tmp_path: Path) -> None:
-    pictures = folder_of(tmp_path / "p", lit_room, 12)
+@pytest.mark.parametrize("wall", [(1.0, 0.95, 0.9), (0.75, 0.9, 1.0)], ids=["warm", "blue"])
+def test_a_weak_line_in_a_lit_room_is_told_from_the_part_by_its_colour(
+    tmp_path: Path, wall: tuple[float, float, float]
+) -> None:
+    """Of a blue part the light that moves is blue, whatever colour the line has."""
+
+    def drawn(k: int, dice: Dice) -> Any:
+        picture = lit_room(k, dice)
+        grey = picture[..., 2:] / 0.9
+        return picture + grey * (np.array(wall) - [1.0, 0.95, 0.9])
+
+    pictures = folder_of(tmp_path / "p", drawn, 12)
     done = import_pictures(pictures, tmp_path / "a.turnscan", EvenSteps(30))
     assert done.plan.weights is not None
     assert min(done.plan.weights) < 0 < done.plan.weights[0]

@@ -47,6 +47,12 @@ def advice_of(rig: Rig, c: Calibration | None = None) -> Advice:
     if c is None:
         text = "pictures of the board in varied poses: without them the lens is guessed"
         return Advice((), "camera", text)
+    if c.network.trusted_side is not None:
+        text = (
+            "pictures of the empty table with the laser on: without its stripe the scale rests on "
+            "the nominal side of the markers"
+        )
+        return Advice((), "table", text)
     now = _uncertainty(c, c.fit.covariance)
     if not now:
         return Advice((), "", "nothing: the sheets do not reach the working volume")

@@ -93,13 +93,20 @@ def weight(block: Block, scales: dict[str, float], huber: float | None) -> Float
 def cost_of(blocks: list[Block], scales: dict[str, float], huber: float | None) -> float:
     """Sum of the squared residuals in scales, linear beyond ``huber``."""
     total = 0.0
-    for b in blocks:
-        off = np.abs(b.residual) / scales[b.kind]
-        if huber is not None and not b.kind.startswith("prior"):
+    for kind, some in _by_kind(blocks).items():
+        off = np.abs(np.concatenate([b.residual for b in some])) / scales[kind]
+        if huber is not None and not kind.startswith("prior"):
             far = np.maximum(off, huber)
             off = np.where(off > huber, np.sqrt(2 * huber * far - huber**2), off)
         total += float(off @ off)
     return total
+
+
+def _by_kind(blocks: list[Block]) -> dict[str, list[Block]]:
+    out: dict[str, list[Block]] = {}
+    for b in blocks:
+        out.setdefault(b.kind, []).append(b)
+    return out
 
 
 def build(
@@ -118,17 +125,23 @@ def build(
     own_H = [np.zeros((q, q)) for q in sizes]
     own_g = [np.zeros(q) for q in sizes]
     cross = [np.zeros((q, p)) for q in sizes]
-    for b in blocks:
-        w = weight(b, scales, huber)
-        A = b.common[:, free]
+    # All blocks of a kind at once: each is small, and there are hundreds.
+    for some in _by_kind(blocks).values():
+        whole = some[0] if len(some) == 1 else _joined(some)
+        w = weight(whole, scales, huber)
+        A = whole.common[:, free]
         Aw = A * w[:, None]
         H += Aw.T @ A
-        g += Aw.T @ b.residual
-        if b.view >= 0 and sizes[b.view]:
-            Bw = b.own * w[:, None]
-            own_H[b.view] += Bw.T @ b.own
-            own_g[b.view] += Bw.T @ b.residual
-            cross[b.view] += Bw.T @ A
+        g += Aw.T @ whole.residual
+        at = 0
+        for b in some:
+            rows = slice(at, at + len(b.residual))
+            at = rows.stop
+            if b.view >= 0 and sizes[b.view]:
+                Bw = b.own.T * w[rows]
+                own_H[b.view] += Bw @ b.own
+                own_g[b.view] += Bw @ b.residual
+                cross[b.view] += b.own.T @ Aw[rows]
     H[np.diag_indices(p)] *= 1 + damping
     inverses = _inverses(own_H, damping, network.own_words)
     for inverse, c, own in zip(inverses, cross, own_g, strict=True):
@@ -137,6 +150,17 @@ def build(
             H -= c.T @ lever
             g -= own @ lever
     return System(H, g, inverses, own_g, cross, cost_of(blocks, scales, huber))
+
+
+def _joined(some: list[Block]) -> Block:
+    """Blocks of one kind as one, of no view."""
+    return Block(
+        -1,
+        some[0].kind,
+        np.concatenate([b.residual for b in some]),
+        np.concatenate([b.common for b in some]),
+        np.zeros((0, 0)),
+    )
 
 
 def _inverses(own: list[Floats], damping: float, words: Callable[[int], str]) -> list[Floats]:

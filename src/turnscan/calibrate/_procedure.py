@@ -13,7 +13,6 @@ from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
-from turnscan.calibrate._margin import USUAL
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._prior import RigPrior, like, prior_of
 from turnscan.calibrate._select import on_board, on_platter
@@ -281,7 +280,7 @@ def sheet_stage(
             view, pose = with_stripe[i][1].view, state.poses[first + i]
             px = on_board(
                 camera, with_stripe[i][1].candidates, view.board, pose,
-                _margin_of(with_stripe[i][1], settings),
+                with_stripe[i][1].around(settings),
             )  # fmt: skip
             if not len(px):
                 reason = "no straight stripe on the board or its margin"
@@ -306,13 +305,6 @@ def sheet_stage(
         merged[sheet.name] = like(sheet, before) if both and before is not None else sheet
     rig = replace(state.rig, sheets=tuple(merged.values()))
     return replace(state, rig=rig), tuple(stripes)
-
-
-def _margin_of(picture: LaserPicture, settings: CalibrationSettings) -> float | Floats:
-    """mm of board around the pattern: as the user says, else as the picture shows."""
-    if settings.margin is not None:
-        return settings.margin
-    return USUAL * picture.view.board.square if picture.margin is None else picture.margin
 
 
 def _refuse_mixed(name: str, others: list[Floats], count: int) -> None:

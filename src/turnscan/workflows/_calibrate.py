@@ -48,6 +48,8 @@ from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output, write_atomically
 from turnscan.workflows._reading import read_rig_file
 
+_LIT = 2
+"""Boards with a stripe on them, below which a sheet is refused."""
 _STAGES = 4
 """How often an adjustment says how far it is."""
 
@@ -318,6 +320,9 @@ def _adjusted(
         views = camera_views(found.camera, board, progress.subrange(0.05, 0.25, "camera boards"))
     boards = progress.subrange(0.25, 0.4, "laser boards")
     on_boards, weights = _on_boards(found, second, options, boards)
+    if any(_unlit(some, settings) for some in on_boards.values()):
+        # It says what is wrong without the pictures of the table, which may be hundreds.
+        calibrate_rig(views, on_boards, (), settings, known=known)
     if lit_on_table in weights:
         mix = weights[lit_on_table]
     turning = progress.subrange(0.4, 0.7, "table")
@@ -331,6 +336,12 @@ def _adjusted(
 
     adjusting(0.0)
     return calibrate_rig(views, on_boards, turned, settings, stage, known), stages
+
+
+def _unlit(pictures: Sequence[LaserPicture], settings: CalibrationSettings) -> bool:
+    """Whether boards are seen, but the laser on too few of them for a sheet."""
+    seen = [p for p in pictures if not p.view.failure]
+    return len(seen) >= _LIT > sum(p.shows_line(settings) for p in seen)
 
 
 def _sheets_of(known: KnownRig | None) -> list[str]:

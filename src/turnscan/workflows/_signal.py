@@ -103,13 +103,11 @@ def find_signal(
         on_it, rows = _on_the_line(lit, darks, weights, options.orientation)
         thin = on_it * rows
         if thin < _THIN:
-            other = [(b, o, d, w) for b, o, d, _ in trials for w in _differences(weights)]
-            found = [
-                math.prod(_on_the_line(lit, d, w, options.orientation)) for _, _, d, w in other
-            ]
-            if max(found) > max(_BETTER * thin, _THIN / 2):
-                background, origin, darks, weights = other[int(np.argmax(found))]
-            elif on_it < _MOST:  # else the line is thin, and the part small in the picture
+            other, found = _by_difference(trials, lit, options.orientation)
+            if found > _BETTER * thin:
+                background, origin, darks, weights = other
+            # With much of the light on it the line is thin, and the part small in the picture.
+            if found <= max(_BETTER * thin, _THIN / 2) and on_it < _MOST:
                 remarks.append(_no_thin_line(series.laser))
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
@@ -126,16 +124,27 @@ def _best(trials: list[Trial], lit: list[Image], orientation: Orientation) -> Tr
     return trials[int(np.argmax([_smooth_lines(lit, t[2], t[3], orientation) for t in trials]))]
 
 
-def _differences(weights: ColourWeights) -> list[ColourWeights]:
-    """The strongest channel minus the others: in these nothing that is grey is seen."""
-    k = int(np.argmax(weights))
-    i, j = (c for c in range(3) if c != k)
-    out = []
-    for a, b in ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5)):
-        mix = [0.0, 0.0, 0.0]
-        mix[k], mix[i], mix[j] = 1.0, 0.0 - a, 0.0 - b
-        out.append((mix[0], mix[1], mix[2]))
-    return out
+def _by_difference(
+    trials: list[Trial], lit: list[Image], orientation: Orientation
+) -> tuple[Trial, float]:
+    """The background and the difference of channels that show most of a thin line, and how much.
+
+    In a difference nothing that is grey is seen. Each channel minus the mean of the others comes
+    first: what the light that moves is made of says nothing where the part is brighter than the
+    line. Of the best one, the others are then taken off by themselves.
+    """
+    best, most = trials[0], -1.0
+    for share in (0.5, 0.0, 1.0):
+        channels = range(3) if most < 0 else (int(np.argmax(best[3] or (0.0,))),)
+        for k in channels:
+            mix = [0.0, 0.0, 0.0]
+            mix[k], mix[(k + 1) % 3], mix[(k + 2) % 3] = 1.0, 0.0 - share, share - 1.0
+            weights = (mix[0], mix[1], mix[2])
+            for background, origin, darks, _ in trials:
+                found = math.prod(_on_the_line(lit, darks, weights, orientation))
+                if found > most:
+                    best, most = (background, origin, darks, weights), found
+    return best, most
 
 
 def _no_thin_line(laser: str) -> Finding:
