@@ -15,7 +15,7 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import TurnscanError
 from turnscan.mesh import Mesh, is_closed, measured_vertices, vertex_normals
 from turnscan.rig import Pose, rotation_from_vector
-from turnscan.workflows._session_measures import measures_of, renewed
+from turnscan.workflows._session._measures import measures_of, renewed
 
 PICKS = 4
 """Distances of each way, and corners, on one scan."""

@@ -32,7 +32,7 @@ from turnscan.settings import Settings
 from turnscan.shapes import Arc, FittedSection, fit_section, plane_cut
 from turnscan.workflows import CalibrationPictures, MarkerAngles, calibrate, import_pictures
 from turnscan.workflows import read_rig_file as read_rig
-from turnscan.workflows._sections import section_file
+from turnscan.workflows._solids._sections import section_file
 
 PAGE = DOCS / "how-to" / "section.md"
 HEIGHT = 15.0

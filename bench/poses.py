@@ -26,7 +26,7 @@ from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import SimulationSpec, part
 from turnscan.surface.fusion import range_surfaces
-from turnscan.workflows._range_scans import placed_scans, read_range_scan
+from turnscan.workflows._importing._range_scans import placed_scans, read_range_scan
 
 STEPS = 120
 WALL = part("cup").dimensions["wall"]

@@ -42,10 +42,10 @@ from turnscan.shapes.primitives._find import sigma_of
 from turnscan.shapes.primitives._regions import LEAST, SPAN, Ground, poor, prepared, spanned
 from turnscan.shapes.primitives._shapes import KINDS
 from turnscan.simulate import Bench, SimulationSpec
-from turnscan.workflows._aligning import labels_of
-from turnscan.workflows._compare import measured_labels
-from turnscan.workflows._compared_features import matched
-from turnscan.workflows._nominal import Nominal, nominal
+from turnscan.workflows._inspection._compare import measured_labels
+from turnscan.workflows._inspection._compared_features import matched
+from turnscan.workflows._surface._aligning import labels_of
+from turnscan.workflows._surface._nominal import Nominal, nominal
 
 PART = Path(__file__).parents[2] / "shared" / "data" / "parts" / "featuretype.STEP"
 PAGE = DOCS / "how-to" / "shapes.md"

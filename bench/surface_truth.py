@@ -41,7 +41,7 @@ from turnscan.stripes import StripeFlag
 from turnscan.surface import TearLimits
 from turnscan.surface.fusion import overlaps, range_surfaces
 from turnscan.surface.holes import ClosingOptions
-from turnscan.workflows._simulated import plan_of, scan_into_file
+from turnscan.workflows._scanning._simulated import plan_of, scan_into_file
 
 NEAR = 0.2
 """mm: so close to the mesh a place of the part counts as measured."""

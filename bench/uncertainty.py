@@ -42,7 +42,7 @@ from turnscan.simulate import (
     check_view,
 )
 from turnscan.surface.holes import ClosingOptions
-from turnscan.workflows._simulated import plan_of, scan_into_file
+from turnscan.workflows._scanning._simulated import plan_of, scan_into_file
 
 SCANS, RIGS, FIRST, STEPS = 40, 8, 7001, 48
 """Scans, rigs calibrated for them, the first seed (no rule was made with it or those after it), and

@@ -26,7 +26,7 @@ from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.shapes import deviation
 from turnscan.simulate import Renderer, SimulationSpec, seconds_of, simulated
-from turnscan.workflows._simulated import plan_of, scan_into_file, truth
+from turnscan.workflows._scanning._simulated import plan_of, scan_into_file, truth
 
 DOCS = Path(__file__).parent
 PICTURES = DOCS / "pictures" / "gallery"

@@ -54,7 +54,7 @@ from turnscan.surface.holes import (
     fill,
     holes,
 )
-from turnscan.workflows._simulated import plan_of, scan_into_file
+from turnscan.workflows._scanning._simulated import plan_of, scan_into_file
 
 HERE = Path(__file__).parent / "pictures"
 SECONDS = seconds_of(SimulationSpec())

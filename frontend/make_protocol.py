@@ -22,7 +22,7 @@ from turnscan.app import _protocol as protocol
 from turnscan.app import _requests as requests
 from turnscan.drawings import Colour
 from turnscan.surface.holes import CAUSE_WORDS
-from turnscan.workflows._colours import CAUSE_COLOURS, DISTINCT
+from turnscan.workflows._pages._colours import CAUSE_COLOURS, DISTINCT
 
 _SOURCES = Path(__file__).parent / "src"
 _HEAD = """\

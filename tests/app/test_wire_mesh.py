@@ -13,8 +13,8 @@ from turnscan import edit
 from turnscan.app import _encode_arrays as wire
 from turnscan.edit._body import difference
 from turnscan.mesh import Mesh, is_closed
-from turnscan.workflows._session_grid import _taken_away, steps_taken_away
-from turnscan.workflows._session_mesh import coarse_arrays, surface_arrays, surface_patches
+from turnscan.workflows._session._grid import _taken_away, steps_taken_away
+from turnscan.workflows._session._mesh import coarse_arrays, surface_arrays, surface_patches
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 5)], np.float64)
 SIDES = [

@@ -9,7 +9,7 @@ from PIL import Image as Pillow
 
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
-from turnscan.workflows import _html
+from turnscan.workflows._pages import _html
 
 
 def test_text_from_outside_is_never_markup() -> None:

@@ -20,7 +20,7 @@ from turnscan.scan import Scan
 from turnscan.surface.fusion import range_surfaces
 from turnscan.texture import NEUTRAL
 from turnscan.workflows import ReconstructOptions
-from turnscan.workflows._kept_options import keep_options
+from turnscan.workflows._files._kept_options import keep_options
 
 NAMES = {"up": "knob", "down": "knob lying"}
 PICKS = np.array([[26.0, 12, 20], [-20, 14, 40], [0, -16, 5], [14, 8, 55]])

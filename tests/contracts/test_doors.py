@@ -19,7 +19,7 @@ from turnscan.scan import Keep
 from turnscan.stripes import Choice, Orientation, Refinement, Strategy
 from turnscan.surface.fusion import MergeMethod
 from turnscan.surface.holes import FillHow
-from turnscan.workflows import _choices
+from turnscan.workflows._options import _choices
 
 HELPERS = (
     "_calibrate_report", "_found",

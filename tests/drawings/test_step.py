@@ -34,10 +34,10 @@ from turnscan.formats import read_about, write_ply
 from turnscan.mesh import Mesh, submesh
 from turnscan.progress import Cancelled, Progress
 from turnscan.shapes.patches import Border, Bordering, Borders, Charting, Charts, ShapePatch
-from turnscan.workflows import _shapes_step
-from turnscan.workflows._reading import step_findings
-from turnscan.workflows._shapes import FoundShapes, find_shapes
-from turnscan.workflows._shapes_step import iges_of
+from turnscan.workflows._files._reading import step_findings
+from turnscan.workflows._inspection._shapes import FoundShapes, find_shapes
+from turnscan.workflows._solids import _shapes_step
+from turnscan.workflows._solids._shapes_step import iges_of
 
 SHAFT = [(0.5, 0), (25, 0), (25, 20), (15, 20), (15, 40), (0.5, 40)]
 AROUND = 120

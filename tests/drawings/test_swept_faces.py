@@ -12,8 +12,8 @@ from turnscan.drawings import read_step
 from turnscan.mesh import Mesh
 from turnscan.shapes.patches._fit import Sample
 from turnscan.shapes.patches._swept_surfaces import extruded_patch, turned_patch
-from turnscan.workflows import _shapes
-from turnscan.workflows._shapes import find_shapes
+from turnscan.workflows._inspection import _shapes
+from turnscan.workflows._inspection._shapes import find_shapes
 
 SIGMA = 0.01
 TURN = np.linspace(0, 2 * np.pi, 140, endpoint=False)

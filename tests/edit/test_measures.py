@@ -28,7 +28,7 @@ from turnscan.edit import (
 )
 from turnscan.mesh import Mesh, Provenance
 from turnscan.shapes import Spot
-from turnscan.workflows._session_measures import Renewed, measures_of
+from turnscan.workflows._session._measures import Renewed, measures_of
 
 
 def session(seed: int) -> tuple[Document, list[str]]:

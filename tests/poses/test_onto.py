@@ -11,7 +11,7 @@ from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.poses import check, onto_all
 from turnscan.rig import Pose
-from turnscan.workflows._aligning import reference_view
+from turnscan.workflows._surface._aligning import reference_view
 
 DRAWN = Pose(np.eye(3), np.array([5.0, -3.0, 11.0]))
 """Frame of the table → frame of the drawing."""

@@ -133,7 +133,7 @@ def test_range_scans_of_another_scanner_find_each_other(shared_data):
     """Three views of the bunny, 45° apart, from no placement at all."""
     from turnscan.rig import Pose
     from turnscan.settings import Settings
-    from turnscan.workflows._range_scans import placed_scans, read_range_scan
+    from turnscan.workflows._importing._range_scans import placed_scans, read_range_scan
 
     known = placed_scans(shared_data / "bunny-range" / "bun.conf", "m")
     paths = [p for p in known if p.stem in ("bun000", "bun045", "bun090")]

@@ -12,7 +12,7 @@ from turnscan.arrays import Floats
 from turnscan.mesh import Mesh
 from turnscan.shapes import Arc, Line, Outline, fit_outlines, fit_section, plane_cut
 from turnscan.surface.decimation import decimate
-from turnscan.workflows._sections import section_in_words
+from turnscan.workflows._solids._sections import section_in_words
 
 SIGMA = 0.02
 STEPS = (20, 24, 30, 36, 48, 60)

@@ -22,7 +22,7 @@ from turnscan.errors import DeviceDisconnected, DeviceRefused, LaserStateUnknown
 from turnscan.scan import Scan
 from turnscan.simulate import World
 from turnscan.workflows import Opened
-from turnscan.workflows._watched import WatchedLasers, watched
+from turnscan.workflows._scanning._watched import WatchedLasers, watched
 
 DEVICE = "sim:sphere?seed=3"
 BOARD = "charuco:7x5:30:22:DICT_4X4_50"
@@ -203,7 +203,7 @@ def test_stop_waits_for_no_other_request(server: Running, monkeypatch: pytest.Mo
     """More searches for devices than the server has threads for, none of which comes to an end."""
     go_on = threading.Event()
     none_ends = lambda: (go_on.wait(PATIENCE), ([], []))[1]  # noqa: E731
-    monkeypatch.setattr("turnscan.workflows._devices.find_cameras", none_ends)
+    monkeypatch.setattr("turnscan.workflows._scanning._devices.find_cameras", none_ends)
     with Browser(server) as one, Browser(server) as two:
         world = _connected(one)
         one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.04)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tests.web.running import PATIENCE, Browser, serving
-from turnscan.workflows import _session, _session_first
+from turnscan.workflows._session import _first as _session_first
+from turnscan.workflows._session import _session
 
 
 @pytest.fixture

@@ -459,7 +459,7 @@ def test_holes_and_defects_have_causes_and_places(server: Running) -> None:
 
 
 def test_the_map_of_quality_is_that_of_the_reports(folder: Path) -> None:
-    from turnscan.workflows._quality_map import sigmas
+    from turnscan.workflows._surface._quality_map import sigmas
 
     with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]

@@ -26,13 +26,15 @@ from tests.workflows.scans import write_can, write_pictures
 from turnscan import workflows
 from turnscan.errors import DeviceTimeout, ExportError, FormatError, InputError, StorageFull
 from turnscan.progress import Cancelled, Progress
-from turnscan.workflows import _batch_scratch, _batch_task, _batch_workers
-from turnscan.workflows._batch_outcomes import Outcomes, PackedOutcome
-from turnscan.workflows._batch_recipe import recipe_from_text
-from turnscan.workflows._batch_scratch import scratch
-from turnscan.workflows._batch_table import write_tables
-from turnscan.workflows._batch_task import Outcome, outcome_from_json
-from turnscan.workflows._batch_workers import Patience, on_this_machine
+from turnscan.workflows._batch import _scratch as _batch_scratch
+from turnscan.workflows._batch import _task as _batch_task
+from turnscan.workflows._batch import _workers as _batch_workers
+from turnscan.workflows._batch._outcomes import Outcomes, PackedOutcome
+from turnscan.workflows._batch._recipe import recipe_from_text
+from turnscan.workflows._batch._scratch import scratch
+from turnscan.workflows._batch._table import write_tables
+from turnscan.workflows._batch._task import Outcome, outcome_from_json
+from turnscan.workflows._batch._workers import Patience, on_this_machine
 
 RECIPE = '[reconstruct]\nstrategy = "centroid"\n[output]\nformats = ["stl"]\nreport = false\n'
 PATIENT = Patience(tries=3, seconds=300.0, cluster=60.0)

@@ -14,9 +14,10 @@ from turnscan import detection, workflows
 from turnscan.detection import detect_scan, look_in_block
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import Stripe, StripeSettings
-from turnscan.workflows import _batch_task, _batch_workers
-from turnscan.workflows._batch_task import blocks_of, look_at_block, run_task
-from turnscan.workflows._batch_workers import Patience
+from turnscan.workflows._batch import _task as _batch_task
+from turnscan.workflows._batch import _workers as _batch_workers
+from turnscan.workflows._batch._task import blocks_of, look_at_block, run_task
+from turnscan.workflows._batch._workers import Patience
 
 OPTIONS = workflows.ReconstructOptions(strategy="centroid")
 

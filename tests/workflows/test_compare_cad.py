@@ -26,9 +26,14 @@ from turnscan.mesh import Mesh, submesh
 from turnscan.progress import no_progress
 from turnscan.rig import Pose, rotation_from_vector
 from turnscan.workflows import Comparison, compare, read_mesh_file
-from turnscan.workflows._compared_features import Check, overall, unmet
-from turnscan.workflows._nominal import nominal, with_features
-from turnscan.workflows._tolerances import Tolerance, limits_of, read_tolerances, verdict
+from turnscan.workflows._inspection._compared_features import Check, overall, unmet
+from turnscan.workflows._inspection._tolerances import (
+    Tolerance,
+    limits_of,
+    read_tolerances,
+    verdict,
+)
+from turnscan.workflows._surface._nominal import nominal, with_features
 
 NOISE = 0.01
 BORE, WORN = 12.0, 12.06

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.calibrate.boards import marker_picture, with_markers
-from turnscan.workflows._import_look import check_turn
-from turnscan.workflows._import_options import EvenSteps
+from turnscan.workflows._importing._look import check_turn
+from turnscan.workflows._options._import import EvenSteps
 
 
 @pytest.mark.parametrize(("aside", "said"), [(0.0, []), (3.0, ["scan.rig-moved"])])

@@ -17,7 +17,8 @@ from tests.workflows.scans import CAN_RIG, write_can
 from turnscan.edit import MeasureDistance, Specify, edit_to_value
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
-from turnscan.workflows import EditChanges, ScanSession, _session, edits
+from turnscan.workflows import EditChanges, ScanSession, edits
+from turnscan.workflows._session import _session
 
 DELTA = 1e-3
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from turnscan.calibrate import Charuco, Chessboard
 from turnscan.errors import InputError
 from turnscan.workflows import picture_quality, seen_stripe
-from turnscan.workflows._live_calibration import printed_board
+from turnscan.workflows._calibration._live_calibration import printed_board
 
 BOARD = Charuco(9, 6, 24.0, 18.0, "DICT_5X5_100")
 

@@ -17,14 +17,14 @@ from turnscan.settings import Settings
 from turnscan.shapes import deviation
 from turnscan.simulate import SimulationSpec, simulated
 from turnscan.surface.holes import CAUSE_WORDS, Cause, holes
-from turnscan.workflows._colours import CAUSE_COLOURS
-from turnscan.workflows._quality_map import (
+from turnscan.workflows._pages._colours import CAUSE_COLOURS
+from turnscan.workflows._scanning._simulated import plan_of, scan_into_file, truth
+from turnscan.workflows._surface._quality_map import (
     errors_by_sigma,
     quality_figure,
     quality_line,
     sigmas,
 )
-from turnscan.workflows._simulated import plan_of, scan_into_file, truth
 
 
 def _tube(sigma: Floats | None = None) -> Mesh:

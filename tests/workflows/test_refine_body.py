@@ -14,7 +14,7 @@ from turnscan.errors import FormatError, InputError
 from turnscan.formats import export
 from turnscan.shapes.verification import step_block_body
 from turnscan.workflows import RefineOptions, refine
-from turnscan.workflows._refine_body import Form, Known, body_of
+from turnscan.workflows._calibration._refine_body import Form, Known, body_of
 
 HEAD = 'format = "turnscan-artefact"\nversion = 1\nname = "it"\nmeasured = "exact"\nform_mm = 0.0\n'
 BAR = (

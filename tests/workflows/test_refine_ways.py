@@ -13,7 +13,7 @@ from turnscan.calibrate import Measured, RefineSettings
 from turnscan.errors import Degenerate, InputError
 from turnscan.progress import no_progress
 from turnscan.rig import Pose
-from turnscan.workflows import _refine
+from turnscan.workflows._calibration import _refine
 
 WAYS = [(Pose(translation=np.array([float(k), 0.0, 0.0])),) for k in range(3)]
 

@@ -10,7 +10,7 @@ import pytest
 from tests.needs import needs
 from tests.shapes.solids import prism
 from turnscan.progress import Progress
-from turnscan.workflows import _saving
+from turnscan.workflows._surface import _saving
 
 
 def test_two_names_for_one_solid_make_it_once(

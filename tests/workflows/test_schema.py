@@ -12,7 +12,7 @@ import pytest
 from turnscan.cli._words import flag_of
 from turnscan.errors import InputError
 from turnscan.workflows import VERBS, Verb
-from turnscan.workflows._declare import Checked, Declared
+from turnscan.workflows._options._declare import Checked, Declared
 
 COMMANDS = {"range-scans": "reconstruct"}
 """Verbs whose command has another name."""

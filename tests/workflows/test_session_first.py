@@ -15,8 +15,9 @@ from turnscan import edit
 from turnscan.errors import ScanCorrupt
 from turnscan.progress import Cancelled, Progress, no_progress
 from turnscan.scan import Frame, Scan, ScanPlan
-from turnscan.workflows import ReconstructOptions, ScanSession, _session_first
-from turnscan.workflows._session_first import FirstSurface
+from turnscan.workflows import ReconstructOptions, ScanSession
+from turnscan.workflows._session import _first as _session_first
+from turnscan.workflows._session._first import FirstSurface
 
 RADIUS, HEIGHT, LINES = 25.0, 40.0, 240
 LASERS = (0.4, -0.4)

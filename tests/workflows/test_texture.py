@@ -22,7 +22,8 @@ from turnscan.progress import no_progress
 from turnscan.rig import TableMotion
 from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.texture import NEUTRAL, Colours, TexturePicture, colours_of
-from turnscan.workflows import ScanOptions, ScanSession, _texture, reconstruct, simulate
+from turnscan.workflows import ScanOptions, ScanSession, reconstruct, simulate
+from turnscan.workflows._surface import _texture
 
 
 def bands(points: Floats) -> Floats:

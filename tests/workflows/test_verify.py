@@ -177,7 +177,7 @@ def test_the_modern_rig_within_its_limits_and_its_moved_laser_found_by_the_third
         bench,
         spec_of,
     )
-    from turnscan.workflows._simulated import plan_of, scan_into_file
+    from turnscan.workflows._scanning._simulated import plan_of, scan_into_file
 
     (tmp_path / "bar.toml").write_text(BAR)
     scans = []

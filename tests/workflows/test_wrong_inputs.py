@@ -31,9 +31,9 @@ from turnscan.workflows import (
     preview_import,
     refine,
 )
-from turnscan.workflows._calibrate_look import look_for_part
-from turnscan.workflows._capture import Album
-from turnscan.workflows._reconstruct import below_stored
+from turnscan.workflows._calibration._calibrate_look import look_for_part
+from turnscan.workflows._scanning._capture import Album
+from turnscan.workflows._surface._reconstruct import below_stored
 
 STEP = 12.0
 SIZE = (80, 120)

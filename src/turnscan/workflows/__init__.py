@@ -11,54 +11,71 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turnscan.formats import ExportOptions
-    from turnscan.workflows._artefact import TARGET, artefact
-    from turnscan.workflows._batch import Batch, batch, table_of
-    from turnscan.workflows._batch_recipe import Recipe, read_recipe
-    from turnscan.workflows._batch_task import Outcome, Task
-    from turnscan.workflows._batch_workers import Patience
-    from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
-    from turnscan.workflows._calibrate_options import BoardOptions, CalibrateOptions
-    from turnscan.workflows._capture import CapturedPicture, CapturedPictures, capture
-    from turnscan.workflows._capture_options import CaptureOptions
-    from turnscan.workflows._check import CheckedLaser, CheckedScan, check
-    from turnscan.workflows._check_mesh import CheckedMesh
-    from turnscan.workflows._compare import Comparison, compare
-    from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
-    from turnscan.workflows._compared_features import Agreement
-    from turnscan.workflows._declare import Declared, declared
-    from turnscan.workflows._demo import Demonstration, demo
-    from turnscan.workflows._demo_options import DemoOptions
-    from turnscan.workflows._design import DesignedRig, design, published_design
-    from turnscan.workflows._design_options import DesignOptions, parse_theta
-    from turnscan.workflows._device_options import DEFAULT_DEVICE, DeviceOptions
-    from turnscan.workflows._devices import (
-        Acknowledged,
-        FoundDevices,
-        acknowledge,
-        find_devices,
-        identify_lasers,
-        lasers_in_words,
+    from turnscan.workflows._batch._batch import Batch, batch, table_of
+    from turnscan.workflows._batch._recipe import Recipe, read_recipe
+    from turnscan.workflows._batch._task import Outcome, Task
+    from turnscan.workflows._batch._workers import Patience
+    from turnscan.workflows._calibration._artefact import TARGET, artefact
+    from turnscan.workflows._calibration._calibrate import (
+        CalibratedRig,
+        CalibrationPictures,
+        calibrate,
     )
-    from turnscan.workflows._doctor import diagnosis_json, diagnosis_lines, doctor
-    from turnscan.workflows._doctor_options import DoctorOptions
-    from turnscan.workflows._edits import EditChanges, KeptEdits, edits
-    from turnscan.workflows._emulate import EmulatedDevices, EmulatedLog, emulate
-    from turnscan.workflows._emulate_options import EmulateOptions
-    from turnscan.workflows._export import Exported, export
-    from turnscan.workflows._files import (
+    from turnscan.workflows._calibration._live_calibration import (
+        CELL_COLUMNS,
+        CELL_ROWS,
+        CalibrationState,
+        LiveCalibration,
+        LiveRig,
+    )
+    from turnscan.workflows._calibration._refine import RefinedRig, refine
+    from turnscan.workflows._calibration._targets import check_targets
+    from turnscan.workflows._calibration._verify import (
+        Trend,
+        Verification,
+        Verified,
+        read_artefact,
+        verification_history,
+        verification_json,
+        verify,
+    )
+    from turnscan.workflows._calibration._verify_report import (
+        trend_picture,
+        verification_html,
+        verification_lines,
+    )
+    from turnscan.workflows._demo import Demonstration, demo
+    from turnscan.workflows._design._design import DesignedRig, design, published_design
+    from turnscan.workflows._files._kept_options import kept_names, kept_options, options_of
+    from turnscan.workflows._files._reading import read_mesh_file, read_rig_file
+    from turnscan.workflows._files._writing import (
         check_apart,
         check_output,
         check_writable,
         write_atomically,
     )
-    from turnscan.workflows._format_options import FormatOptions
-    from turnscan.workflows._gallery import (
-        ScanGlance,
-        duplicate_scan,
-        frame_thumbnail,
-        glance_at,
-    )
-    from turnscan.workflows._import_options import (
+    from turnscan.workflows._importing._incoming import Incoming, file_kinds, files_within, unpack
+    from turnscan.workflows._importing._pictures import ImportedScan, import_pictures
+    from turnscan.workflows._importing._preview import ImportPreview, SeriesPreview, preview_import
+    from turnscan.workflows._inspection._check import CheckedLaser, CheckedScan, check
+    from turnscan.workflows._inspection._check_mesh import CheckedMesh
+    from turnscan.workflows._inspection._compare import Comparison, compare
+    from turnscan.workflows._inspection._compared_features import Agreement
+    from turnscan.workflows._inspection._measure import Measured, measure
+    from turnscan.workflows._inspection._revolve import RevolvedPart, revolve
+    from turnscan.workflows._inspection._section import section
+    from turnscan.workflows._inspection._shapes import FoundShapes, find_shapes
+    from turnscan.workflows._options._calibrate import BoardOptions, CalibrateOptions
+    from turnscan.workflows._options._capture import CaptureOptions
+    from turnscan.workflows._options._compare import MAP_SUFFIXES, CompareOptions
+    from turnscan.workflows._options._declare import Declared, declared
+    from turnscan.workflows._options._demo import DemoOptions
+    from turnscan.workflows._options._design import DesignOptions, parse_theta
+    from turnscan.workflows._options._device import DEFAULT_DEVICE, DeviceOptions
+    from turnscan.workflows._options._doctor import DoctorOptions
+    from turnscan.workflows._options._emulate import EmulateOptions
+    from turnscan.workflows._options._format import FormatOptions
+    from turnscan.workflows._options._import import (
         AngleSource,
         EvenSteps,
         ImportOptions,
@@ -67,49 +84,13 @@ if TYPE_CHECKING:
         SeriesOptions,
         parse_angles,
     )
-    from turnscan.workflows._import_pictures import ImportedScan, import_pictures
-    from turnscan.workflows._import_preview import ImportPreview, SeriesPreview, preview_import
-    from turnscan.workflows._incoming import Incoming, file_kinds, files_within, unpack
-    from turnscan.workflows._join import join
-    from turnscan.workflows._join_options import JoinOptions, RangeScanOptions
-    from turnscan.workflows._kept_options import kept_names, kept_options, options_of
-    from turnscan.workflows._live_calibration import (
-        CELL_COLUMNS,
-        CELL_ROWS,
-        CalibrationState,
-        LiveCalibration,
-        LiveRig,
-    )
-    from turnscan.workflows._live_look import (
-        GrowingScan,
-        SeenStripe,
-        picture_quality,
-        seen_stripe,
-    )
-    from turnscan.workflows._measure import Measured, measure
-    from turnscan.workflows._measure_options import MeasureOptions
-    from turnscan.workflows._opening import OpenScan, open_scan
-    from turnscan.workflows._precompile import precompile
-    from turnscan.workflows._reading import read_mesh_file, read_rig_file
-    from turnscan.workflows._reconstruct import reconstruct
-    from turnscan.workflows._reconstruct_options import ReconstructOptions
-    from turnscan.workflows._refine import RefinedRig, refine
-    from turnscan.workflows._refine_options import RefineOptions
-    from turnscan.workflows._report import ReportTable, about
-    from turnscan.workflows._result import ReconstructResult
-    from turnscan.workflows._revolve import RevolvedPart, revolve
-    from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
-    from turnscan.workflows._saving import save
-    from turnscan.workflows._scan import (
-        PlannedScan,
-        ScanLeft,
-        TakenScan,
-        resume,
-        scan,
-        scan_left,
-    )
-    from turnscan.workflows._scan_options import ScanOptions
-    from turnscan.workflows._schema import (
+    from turnscan.workflows._options._join import JoinOptions, RangeScanOptions
+    from turnscan.workflows._options._measure import MeasureOptions
+    from turnscan.workflows._options._reconstruct import ReconstructOptions
+    from turnscan.workflows._options._refine import RefineOptions
+    from turnscan.workflows._options._revolve import REVOLVE_SUFFIXES, RevolveOptions
+    from turnscan.workflows._options._scan import ScanOptions
+    from turnscan.workflows._options._schema import (
         VERBS,
         FileKind,
         InputFile,
@@ -118,29 +99,10 @@ if TYPE_CHECKING:
         Verb,
         option_schemas,
     )
-    from turnscan.workflows._section import section
-    from turnscan.workflows._section_options import SectionOptions
-    from turnscan.workflows._sections import Sections, cuts_of
-    from turnscan.workflows._selection_rules import SELECTION_RULES
-    from turnscan.workflows._session import ScanSession, hole_in_words
-    from turnscan.workflows._session_grid import CAUSE_TEXTS
-    from turnscan.workflows._session_history import HistoryRow
-    from turnscan.workflows._session_mesh import SurfacePatch, mesh_file_arrays
-    from turnscan.workflows._session_state import (
-        NotOpen,
-        PlacedFinding,
-        SessionChange,
-        SessionState,
-        Stale,
-    )
-    from turnscan.workflows._shapes import FoundShapes, find_shapes
-    from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
-    from turnscan.workflows._simulate import SimulatedScan, simulate
-    from turnscan.workflows._simulate_options import SimulateOptions
-    from turnscan.workflows._stoppable import StoppableDevices, live_pictures, stoppable_devices
-    from turnscan.workflows._stripes import ScanStripes
-    from turnscan.workflows._targets import check_targets
-    from turnscan.workflows._types import (
+    from turnscan.workflows._options._section import SectionOptions
+    from turnscan.workflows._options._shapes import SHAPES_SUFFIXES, ShapesOptions
+    from turnscan.workflows._options._simulate import SimulateOptions
+    from turnscan.workflows._options._types import (
         LONGEST_PAUSE,
         MOST_PICTURES,
         KnownRig,
@@ -152,64 +114,108 @@ if TYPE_CHECKING:
         photograph,
         scan_events,
     )
-    from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES, check_step
-    from turnscan.workflows._verify import (
-        Trend,
-        Verification,
-        Verified,
-        read_artefact,
-        verification_history,
-        verification_json,
-        verify,
+    from turnscan.workflows._options._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES, check_step
+    from turnscan.workflows._options._verify import VerifyOptions
+    from turnscan.workflows._precompile import precompile
+    from turnscan.workflows._scanning._capture import CapturedPicture, CapturedPictures, capture
+    from turnscan.workflows._scanning._devices import (
+        Acknowledged,
+        FoundDevices,
+        acknowledge,
+        find_devices,
+        identify_lasers,
+        lasers_in_words,
     )
-    from turnscan.workflows._verify_options import VerifyOptions
-    from turnscan.workflows._verify_report import (
-        trend_picture,
-        verification_html,
-        verification_lines,
+    from turnscan.workflows._scanning._doctor import diagnosis_json, diagnosis_lines, doctor
+    from turnscan.workflows._scanning._emulate import EmulatedDevices, EmulatedLog, emulate
+    from turnscan.workflows._scanning._live_look import (
+        GrowingScan,
+        SeenStripe,
+        picture_quality,
+        seen_stripe,
     )
+    from turnscan.workflows._scanning._scan import (
+        PlannedScan,
+        ScanLeft,
+        TakenScan,
+        resume,
+        scan,
+        scan_left,
+    )
+    from turnscan.workflows._scanning._simulate import SimulatedScan, simulate
+    from turnscan.workflows._scanning._stoppable import (
+        StoppableDevices,
+        live_pictures,
+        stoppable_devices,
+    )
+    from turnscan.workflows._session._edits import EditChanges, KeptEdits, edits
+    from turnscan.workflows._session._gallery import (
+        ScanGlance,
+        duplicate_scan,
+        frame_thumbnail,
+        glance_at,
+    )
+    from turnscan.workflows._session._grid import CAUSE_TEXTS
+    from turnscan.workflows._session._history import HistoryRow
+    from turnscan.workflows._session._mesh import SurfacePatch, mesh_file_arrays
+    from turnscan.workflows._session._opening import OpenScan, open_scan
+    from turnscan.workflows._session._selection_rules import SELECTION_RULES
+    from turnscan.workflows._session._session import ScanSession, hole_in_words
+    from turnscan.workflows._session._state import (
+        NotOpen,
+        PlacedFinding,
+        SessionChange,
+        SessionState,
+        Stale,
+    )
+    from turnscan.workflows._solids._sections import Sections, cuts_of
+    from turnscan.workflows._surface._export import Exported, export
+    from turnscan.workflows._surface._join import join
+    from turnscan.workflows._surface._reconstruct import reconstruct
+    from turnscan.workflows._surface._report import ReportTable, about
+    from turnscan.workflows._surface._result import ReconstructResult
+    from turnscan.workflows._surface._saving import save
+    from turnscan.workflows._surface._stripes import ScanStripes
 
 _MODULES = {
-    "_artefact": ("TARGET", "artefact"),
-    "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
-    "_calibrate_options": ("BoardOptions", "CalibrateOptions"),
-    "_capture": ("CapturedPicture", "CapturedPictures", "capture"),
-    "_capture_options": ("CaptureOptions",),
-    "_check": ("CheckedLaser", "CheckedScan", "check"),
-    "_check_mesh": ("CheckedMesh",),
-    "_compare": ("Comparison", "compare"),
-    "_compare_options": ("MAP_SUFFIXES", "CompareOptions"),
-    "_compared_features": ("Agreement",),
-    "_declare": ("Declared", "declared"),
+    "_calibration._artefact": ("TARGET", "artefact"),
+    "_calibration._calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
+    "_options._calibrate": ("BoardOptions", "CalibrateOptions"),
+    "_scanning._capture": ("CapturedPicture", "CapturedPictures", "capture"),
+    "_options._capture": ("CaptureOptions",),
+    "_inspection._check": ("CheckedLaser", "CheckedScan", "check"),
+    "_inspection._check_mesh": ("CheckedMesh",),
+    "_inspection._compare": ("Comparison", "compare"),
+    "_options._compare": ("MAP_SUFFIXES", "CompareOptions"),
+    "_inspection._compared_features": ("Agreement",),
+    "_options._declare": ("Declared", "declared"),
     "_demo": ("Demonstration", "demo"),
-    "_demo_options": ("DemoOptions",),
-    "_design": ("DesignedRig", "design", "published_design"),
-    "_design_options": ("DesignOptions", "parse_theta"),
-    "_batch": ("Batch", "batch", "table_of"),
-    "_batch_recipe": ("Recipe", "read_recipe"),
-    "_batch_task": ("Outcome", "Task"),
-    "_batch_workers": ("Patience",),
-    "_device_options": ("DEFAULT_DEVICE", "DeviceOptions"),
-    "_devices": (
+    "_options._demo": ("DemoOptions",),
+    "_design._design": ("DesignedRig", "design", "published_design"),
+    "_options._design": ("DesignOptions", "parse_theta"),
+    "_batch._batch": ("Batch", "batch", "table_of"),
+    "_batch._recipe": ("Recipe", "read_recipe"),
+    "_batch._task": ("Outcome", "Task"),
+    "_batch._workers": ("Patience",),
+    "_options._device": ("DEFAULT_DEVICE", "DeviceOptions"),
+    "_scanning._devices": (
         "Acknowledged",
         "FoundDevices",
         "acknowledge",
-        "file_kinds",
-        "files_within",
         "find_devices",
         "identify_lasers",
         "lasers_in_words",
     ),
-    "_doctor": ("diagnosis_json", "diagnosis_lines", "doctor"),
-    "_doctor_options": ("DoctorOptions",),
-    "_edits": ("EditChanges", "KeptEdits", "edits"),
-    "_emulate": ("EmulatedDevices", "EmulatedLog", "emulate"),
-    "_emulate_options": ("EmulateOptions",),
-    "_export": ("Exported", "export"),
-    "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
-    "_format_options": ("FormatOptions",),
-    "_gallery": ("ScanGlance", "duplicate_scan", "frame_thumbnail", "glance_at"),
-    "_import_options": (
+    "_scanning._doctor": ("diagnosis_json", "diagnosis_lines", "doctor"),
+    "_options._doctor": ("DoctorOptions",),
+    "_session._edits": ("EditChanges", "KeptEdits", "edits"),
+    "_scanning._emulate": ("EmulatedDevices", "EmulatedLog", "emulate"),
+    "_options._emulate": ("EmulateOptions",),
+    "_surface._export": ("Exported", "export"),
+    "_files._writing": ("check_apart", "check_output", "check_writable", "write_atomically"),
+    "_options._format": ("FormatOptions",),
+    "_session._gallery": ("ScanGlance", "duplicate_scan", "frame_thumbnail", "glance_at"),
+    "_options._import": (
         "AngleSource",
         "EvenSteps",
         "ImportOptions",
@@ -218,25 +224,25 @@ _MODULES = {
         "SeriesOptions",
         "parse_angles",
     ),
-    "_import_pictures": ("ImportedScan", "import_pictures"),
-    "_import_preview": ("ImportPreview", "SeriesPreview", "preview_import"),
-    "_incoming": ("Incoming", "file_kinds", "files_within", "unpack"),
-    "_join": ("join",),
-    "_join_options": ("JoinOptions", "RangeScanOptions"),
-    "_kept_options": ("kept_names", "kept_options", "options_of"),
-    "_measure": ("Measured", "measure"),
-    "_measure_options": ("MeasureOptions",),
-    "_opening": ("OpenScan", "open_scan"),
+    "_importing._pictures": ("ImportedScan", "import_pictures"),
+    "_importing._preview": ("ImportPreview", "SeriesPreview", "preview_import"),
+    "_importing._incoming": ("Incoming", "file_kinds", "files_within", "unpack"),
+    "_surface._join": ("join",),
+    "_options._join": ("JoinOptions", "RangeScanOptions"),
+    "_files._kept_options": ("kept_names", "kept_options", "options_of"),
+    "_inspection._measure": ("Measured", "measure"),
+    "_options._measure": ("MeasureOptions",),
+    "_session._opening": ("OpenScan", "open_scan"),
     "_precompile": ("precompile",),
-    "_reading": ("read_mesh_file", "read_rig_file"),
-    "_reconstruct": ("reconstruct",),
-    "_reconstruct_options": ("ReconstructOptions",),
-    "_refine": ("RefinedRig", "refine"),
-    "_refine_options": ("RefineOptions",),
-    "_report": ("ReportTable", "about"),
-    "_result": ("ReconstructResult",),
-    "_saving": ("ExportOptions", "save"),
-    "_scan": (
+    "_files._reading": ("read_mesh_file", "read_rig_file"),
+    "_surface._reconstruct": ("reconstruct",),
+    "_options._reconstruct": ("ReconstructOptions",),
+    "_calibration._refine": ("RefinedRig", "refine"),
+    "_options._refine": ("RefineOptions",),
+    "_surface._report": ("ReportTable", "about"),
+    "_surface._result": ("ReconstructResult",),
+    "_surface._saving": ("ExportOptions", "save"),
+    "_scanning._scan": (
         "PlannedScan",
         "ScanLeft",
         "TakenScan",
@@ -244,10 +250,10 @@ _MODULES = {
         "scan",
         "scan_left",
     ),
-    "_revolve": ("RevolvedPart", "revolve"),
-    "_revolve_options": ("REVOLVE_SUFFIXES", "RevolveOptions"),
-    "_scan_options": ("ScanOptions",),
-    "_schema": (
+    "_inspection._revolve": ("RevolvedPart", "revolve"),
+    "_options._revolve": ("REVOLVE_SUFFIXES", "RevolveOptions"),
+    "_options._scan": ("ScanOptions",),
+    "_options._schema": (
         "VERBS",
         "FileKind",
         "InputFile",
@@ -256,40 +262,40 @@ _MODULES = {
         "Verb",
         "option_schemas",
     ),
-    "_section": ("section",),
-    "_section_options": ("SectionOptions",),
-    "_sections": ("Sections", "cuts_of"),
-    "_selection_rules": ("SELECTION_RULES",),
-    "_session": ("ScanSession", "hole_in_words"),
-    "_session_grid": ("CAUSE_TEXTS",),
-    "_session_history": ("HistoryRow",),
-    "_session_mesh": ("SurfacePatch", "mesh_file_arrays"),
-    "_session_state": ("NotOpen", "PlacedFinding", "SessionChange", "SessionState", "Stale"),
-    "_live_calibration": (
+    "_inspection._section": ("section",),
+    "_options._section": ("SectionOptions",),
+    "_solids._sections": ("Sections", "cuts_of"),
+    "_session._selection_rules": ("SELECTION_RULES",),
+    "_session._session": ("ScanSession", "hole_in_words"),
+    "_session._grid": ("CAUSE_TEXTS",),
+    "_session._history": ("HistoryRow",),
+    "_session._mesh": ("SurfacePatch", "mesh_file_arrays"),
+    "_session._state": ("NotOpen", "PlacedFinding", "SessionChange", "SessionState", "Stale"),
+    "_calibration._live_calibration": (
         "CELL_COLUMNS",
         "CELL_ROWS",
         "CalibrationState",
         "LiveCalibration",
         "LiveRig",
     ),
-    "_live_look": (
+    "_scanning._live_look": (
         "GrowingScan",
         "SeenStripe",
         "picture_quality",
         "seen_stripe",
     ),
-    "_stoppable": (
+    "_scanning._stoppable": (
         "StoppableDevices",
         "live_pictures",
         "stoppable_devices",
     ),
-    "_shapes": ("FoundShapes", "find_shapes"),
-    "_shapes_options": ("SHAPES_SUFFIXES", "ShapesOptions"),
-    "_simulate": ("SimulatedScan", "simulate"),
-    "_simulate_options": ("SimulateOptions",),
-    "_stripes": ("ScanStripes",),
-    "_targets": ("check_targets",),
-    "_types": (
+    "_inspection._shapes": ("FoundShapes", "find_shapes"),
+    "_options._shapes": ("SHAPES_SUFFIXES", "ShapesOptions"),
+    "_scanning._simulate": ("SimulatedScan", "simulate"),
+    "_options._simulate": ("SimulateOptions",),
+    "_surface._stripes": ("ScanStripes",),
+    "_calibration._targets": ("check_targets",),
+    "_options._types": (
         "KnownRig",
         "SurfaceFigures",
         "LONGEST_PAUSE",
@@ -301,8 +307,8 @@ _MODULES = {
         "photograph",
         "scan_events",
     ),
-    "_units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES", "check_step"),
-    "_verify": (
+    "_options._units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES", "check_step"),
+    "_calibration._verify": (
         "Trend",
         "Verification",
         "Verified",
@@ -311,8 +317,8 @@ _MODULES = {
         "verification_json",
         "verify",
     ),
-    "_verify_options": ("VerifyOptions",),
-    "_verify_report": ("trend_picture", "verification_html", "verification_lines"),
+    "_options._verify": ("VerifyOptions",),
+    "_calibration._verify_report": ("trend_picture", "verification_html", "verification_lines"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -21,16 +21,16 @@ from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, SimulationSpec, simulated
 from turnscan.surface.holes import ClosingOptions, close
-from turnscan.workflows import _html as html
-from turnscan.workflows._demo_options import DemoOptions
 from turnscan.workflows._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
-from turnscan.workflows._deviation_map import deviation_figure
-from turnscan.workflows._files import write_atomically
-from turnscan.workflows._png import write_png
-from turnscan.workflows._quality_map import quality_figure, quality_line, sigmas
-from turnscan.workflows._report import about, summary
-from turnscan.workflows._saving import save
-from turnscan.workflows._simulated import plan_of, scan_into_file, truth
+from turnscan.workflows._files._writing import write_atomically
+from turnscan.workflows._options._demo import DemoOptions
+from turnscan.workflows._pages import _html as html
+from turnscan.workflows._pages._png import write_png
+from turnscan.workflows._scanning._simulated import plan_of, scan_into_file, truth
+from turnscan.workflows._solids._deviation_map import deviation_figure
+from turnscan.workflows._surface._quality_map import quality_figure, quality_line, sigmas
+from turnscan.workflows._surface._report import about, summary
+from turnscan.workflows._surface._saving import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

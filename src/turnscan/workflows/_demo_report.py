@@ -17,10 +17,10 @@ from turnscan.points import RangeGrid
 from turnscan.shapes import Deviation
 from turnscan.simulate import Simulated
 from turnscan.stripes import Stripe
-from turnscan.workflows import _html as html
-from turnscan.workflows._deviation_map import deviation_figure
-from turnscan.workflows._quality_map import PARTS
-from turnscan.workflows._report import summary
+from turnscan.workflows._pages import _html as html
+from turnscan.workflows._solids._deviation_map import deviation_figure
+from turnscan.workflows._surface._quality_map import PARTS
+from turnscan.workflows._surface._report import summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -27,11 +27,11 @@ from turnscan.stripes import Stripe, Stripes
 from turnscan.surface.holes import ClosingOptions
 from turnscan.workflows._compile_ahead import SURFACES, CompileJob
 from turnscan.workflows._demo import demo
-from turnscan.workflows._demo_options import DemoOptions
-from turnscan.workflows._import_options import EvenSteps
-from turnscan.workflows._import_pictures import import_pictures
-from turnscan.workflows._png import write_png
-from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._importing._pictures import import_pictures
+from turnscan.workflows._options._demo import DemoOptions
+from turnscan.workflows._options._import import EvenSteps
+from turnscan.workflows._pages._png import write_png
+from turnscan.workflows._surface._reconstruct import reconstruct
 
 _STEPS = 24
 _RADIUS, _LOW, _HIGH = 20.0, 5.0, 45.0

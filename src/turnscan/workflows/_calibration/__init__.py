@@ -1,0 +1,1 @@
+"""Calibrating, refining and verifying a rig, and the targets for it."""

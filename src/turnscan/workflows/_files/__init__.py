@@ -1,0 +1,1 @@
+"""Files: safe writing, reading, the history that a scan keeps and its settings."""

@@ -1,0 +1,1 @@
+"""Pictures and range scans of others become a scan."""

@@ -1,0 +1,1 @@
+"""What reports are made of: documents, HTML pages, pictures and the colours that mean something."""

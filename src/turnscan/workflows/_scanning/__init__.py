@@ -1,0 +1,1 @@
+"""Devices: found, examined, emulated, simulated; pictures and scans taken with them."""

@@ -1,0 +1,64 @@
+"""Loading a surface to measure, from whatever holds one: a mesh file, a scan, a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.formats import read_about
+from turnscan.mesh import Mesh
+from turnscan.progress import Progress, no_progress
+from turnscan.scan import Scan
+from turnscan.workflows._files._reading import (
+    read_mesh_file,
+    read_start,
+    read_step_file,
+    step_findings,
+)
+from turnscan.workflows._options._units import STEP_SUFFIXES
+from turnscan.workflows._surface._reconstruct import reconstruct
+from turnscan.workflows._surface._result import ReconstructResult
+
+Source = Mesh | ReconstructResult | Scan | str | PathLike[str]
+"""What a surface may come from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A surface and what is known about it."""
+
+    mesh: Mesh
+    name: str
+    """How messages call it."""
+    about: Mapping[str, object] = field(default_factory=dict)
+    """Where it comes from, with the volume as it was known there."""
+    reconstructed: bool = False
+    """Whether it was made from a scan, not read from a mesh file."""
+    findings: tuple[Finding, ...] = ()
+    """Of the reconstruction, where it was one."""
+
+
+def load(source: Source, unit: str = "mm", progress: Progress = no_progress) -> Loaded:
+    """The surface of a mesh file in ``unit``, of a scan as its settings make it, or of a result.
+
+    Raises InputError where there is none, and what `reconstruct` raises.
+    """
+    if isinstance(source, Mesh):
+        return Loaded(source, "the mesh")
+    if isinstance(source, str | PathLike) and Path(source).suffix.lower() != ".turnscan":
+        path = Path(source)
+        if path.suffix.lower() in STEP_SUFFIXES:
+            part, about = read_step_file(path), read_about(read_start(path))
+            return Loaded(part.mesh, str(path), about, findings=step_findings(part, path))
+        return Loaded(read_mesh_file(path, unit), str(path), read_about(read_start(path)))
+    if not isinstance(source, ReconstructResult):
+        source = reconstruct(source, progress=progress)
+    name = str(source.about["source"])
+    error = next((f for f in source.findings if f.severity == "error"), None)
+    if error is not None:
+        raise InputError(f"{name}: {error.message}", hint=error.remedy)
+    return Loaded(source.mesh, name, {**source.about, **source.volume()}, True, source.findings)
