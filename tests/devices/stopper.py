@@ -144,8 +144,9 @@ def child(order: dict[str, Any]) -> None:
 
 def load() -> None:
     """All that a command would load for itself: half a second in each child, and numba in it."""
-    for name in ("cli._scan", "cli._resume", "cli._devices", "scanner", "workflows._scan",
-                 "workflows._devices", "devices._board", "plugins"):  # fmt: skip
+    for name in ("cli._scan", "cli._resume", "cli._devices", "scanner",
+                 "workflows._scanning._scan", "workflows._scanning._devices",
+                 "devices._board", "plugins"):  # fmt: skip
         importlib.import_module(f"turnscan.{name}")
     for dialect in ("fabscan", "grbl", "horus", "sardauscan"):
         importlib.import_module(f"turnscan.devices._{dialect}")

@@ -37,7 +37,7 @@ class LaserPicture:
         return USUAL * self.view.board.square if self.margin is None else self.margin
 
     def shows_line(self, settings: CalibrationSettings) -> bool:
-        """Whether the board shows a straight stripe, told before a camera is known.
+        """Whether the board shows a straight stripe, whatever the camera.
 
         A line on a plane is about straight by any lens, so a usual one does: what it would miss
         is the ends of a stripe, and one piece of one is enough here.
