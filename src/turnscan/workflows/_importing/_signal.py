@@ -35,6 +35,8 @@ _MOST = 0.5
 _THIN, _BETTER = 0.3, 1.5
 """Part of the light on a line, times the part of rows with one: below it other colours are tried.
 Times: another one must be so much better."""
+_CHANCE = 0.03
+"""The same of noise alone, at most: a hundredth was seen in the best of nine differences."""
 
 
 Trial = tuple["Image | None", str, "list[Image | None]", "ColourWeights | None"]
@@ -104,7 +106,7 @@ def find_signal(
         thin = on_it * rows
         if thin < _THIN:
             other, found = _by_difference(trials, lit, options.orientation)
-            if found > _BETTER * thin:
+            if found > max(_BETTER * thin, _CHANCE):
                 background, origin, darks, weights = other
             # With much of the light on it the line is thin, and the part small in the picture.
             if found <= max(_BETTER * thin, _THIN / 2) and on_it < _MOST:
