@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import TypeAlias
 
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -23,7 +24,7 @@ from turnscan.workflows._options._units import STEP_SUFFIXES
 from turnscan.workflows._surface._reconstruct import reconstruct
 from turnscan.workflows._surface._result import ReconstructResult
 
-Source = Mesh | ReconstructResult | Scan | str | PathLike[str]
+Source: TypeAlias = Mesh | ReconstructResult | Scan | str | PathLike[str]
 """What a surface may come from."""
 
 

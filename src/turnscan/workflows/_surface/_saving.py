@@ -10,7 +10,8 @@ from pathlib import Path
 
 from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding
-from turnscan.formats import ExportOptions, Profiles, audit, export, texture_files
+from turnscan.formats import ExportOptions as ExportOptions  # the doors name it, too
+from turnscan.formats import Profiles, audit, export, texture_files
 from turnscan.mesh import Mesh, PointCloud
 from turnscan.progress import Progress, no_progress
 from turnscan.workflows._files._writing import check_writable, write_atomically
