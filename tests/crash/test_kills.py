@@ -15,6 +15,8 @@ from turnscan.scan import Scan
 
 KILLS = 50
 CHAINS = 20
+FEW = 100
+"""Steps of four scans in five; the fifth has all, so that kills meet side files of every length."""
 SEED = 5
 
 
@@ -43,27 +45,31 @@ def reference(zygote: Zygote, steps: int = STEPS) -> tuple[list[tuple[bytes, byt
     return runs[0], min(seconds)
 
 
-def a_kill(rng: random.Random, seconds: float, aimed: bool) -> dict[str, float]:
+def a_kill(
+    rng: random.Random, seconds: float, aimed: bool, steps: int = STEPS
+) -> dict[str, float]:
     if aimed:
-        return {"commit": rng.randrange(1, STEPS), "delay": rng.random() * 0.002}
+        return {"commit": rng.randrange(1, steps), "delay": rng.random() * 0.002}
     return {"seconds": seconds * rng.uniform(0.03, 0.97)}
 
 
 def test_fifty_kills_lose_nothing_and_resume_to_the_byte(zygote: Zygote) -> None:
-    whole, seconds = reference(zygote)
+    references = {steps: reference(zygote, steps) for steps in (FEW, STEPS)}
     rng = random.Random(SEED)
     inside = 0
     for number in range(KILLS):
         folder = zygote.new_folder("killed")
         path = folder / "a.turnscan"
-        moment = a_kill(rng, seconds, aimed=number % 2 == 1)
-        zygote.ask("kill", path=str(path), steps=STEPS, **moment)
+        steps = STEPS if number % 5 == 0 else FEW
+        whole, seconds = references[steps]
+        moment = a_kill(rng, seconds, aimed=number % 2 == 1, steps=steps)
+        zygote.ask("kill", path=str(path), steps=steps, **moment)
         there = frames_in(path)
-        inside += 0 < there < STEPS
+        inside += 0 < there < steps
         if "commit" in moment:
             # The frame in the hands of the writer may be lost; all before it are on the disk.
             assert there >= moment["commit"] - 1
-        done = zygote.ask("whole", path=str(path), steps=STEPS)
+        done = zygote.ask("whole", path=str(path), steps=steps)
         assert done["error"] == "", (SEED, number, moment)
         assert rows_of(path) == whole, (SEED, number, moment)
         assert os.listdir(folder) == ["a.turnscan"], "nothing is left beside it"

@@ -16,6 +16,7 @@ import select
 import signal
 import sqlite3
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -253,6 +254,9 @@ def _disk() -> Any:
 
 def main() -> None:
     random.seed(0)
+    with tempfile.TemporaryDirectory() as folder:
+        # What a first scan loads, and the pictures: every child would do that for itself.
+        scan(Path(folder) / "first.turnscan", STEPS)
     gc.collect()
     gc.freeze()
     verbs = {f.__name__: f for f in (kill, kill_edits, whole, race, starve, logged, children)}
