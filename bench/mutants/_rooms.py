@@ -14,7 +14,7 @@ _SHORT = (
 )
 """What judges the guard in half a minute."""
 _JUDGED = "goes_on or can_reach or repaired or same_seed"
-"""What the judge says in seconds of its own time; its 20 000 transitions take longer, and where it
+"""What the judge says in seconds of its own time; its 8 000 transitions take longer, and where it
 finds defects it puts them in the place of texts that a mutant may have changed."""
 _SEEN = ("calibrate/_light.py", "calibrate/_select.py")
 

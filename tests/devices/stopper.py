@@ -9,6 +9,7 @@ exit code of an order that has ended, or that its alarm is due now.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
 import json
@@ -17,18 +18,22 @@ import select
 import signal
 import sqlite3
 import sys
+import tempfile
 import threading
 import time
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from tests.devices.boards import firmware
 from turnscan.acquire._capture import Shooter
 from turnscan.arrays import Image
 from turnscan.cli import main
-from turnscan.devices import CameraTraits, _cameras, _guard_client
+from turnscan.devices import CameraTraits, _cameras, _guard_client, _registry
 from turnscan.devices._guard_client import GuardedLink
 from turnscan.scan import _database as database
+from turnscan.simulate.controllers import Socket
 
 EXPOSURE = 0.01
 MOVES = (b"G1 X", b"G1X", b"G02", b"T A")
@@ -151,12 +156,37 @@ def load() -> None:
     for dialect in ("fabscan", "grbl", "horus", "sardauscan"):
         importlib.import_module(f"turnscan.devices._{dialect}")
     importlib.import_module("serial")
+    # The drivers that are installed: to list them anew takes a third of a command.
+    _registry._entries = cache(_registry._entries)
+    first_scan()
+    gc.collect()
     gc.freeze()
 
 
+def first_scan() -> None:
+    """Kernels and all that is imported late, here and not in each child."""
+    instrument(Stop({}))
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        open(os.devnull, "w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+        Socket(firmware("grbl"), scale=10.0) as socket,
+        contextlib.suppress(SystemExit),
+    ):
+        path = os.path.join(folder, "first.turnscan")
+        sys.argv = [
+            "turnscan", "scan", path, "--camera", "fake:", "--turntable",
+            f"grbl:{socket.path}?lasers=a", "--steps", "2", "--range-deg", "0:5",
+            "--exposure", "0.01", "--settle", "0.02", "--threshold", "40",
+        ]  # fmt: skip
+        main()
+    assert threading.active_count() == 1, "what forks has one thread"
+
+
 def serve() -> None:
-    load()
     _cameras._known = lambda: {"fake": Entry()}  # type: ignore[assignment,dict-item]
+    load()
     # Deadlines are those of a real board; these boards only turn faster.
     assert _guard_client.Deadlines().acknowledge == 2.0
     running: dict[int, int] = {}

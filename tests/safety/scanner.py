@@ -6,6 +6,8 @@ Run as a script; an order is a line of JSON on standard input, the answer a line
 from __future__ import annotations
 
 import ctypes
+import gc
+import importlib
 import json
 import math
 import os
@@ -114,6 +116,11 @@ def scan(order: dict[str, Any]) -> None:
 
 
 def main() -> None:
+    for name in ("fabscan", "grbl", "horus", "sardauscan"):  # here, and not in each child
+        importlib.import_module(f"turnscan.devices._{name}")
+    importlib.import_module("serial")
+    gc.collect()
+    gc.freeze()
     for line in sys.stdin:
         order = json.loads(line)
         pid = os.fork()
