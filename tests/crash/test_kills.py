@@ -45,9 +45,7 @@ def reference(zygote: Zygote, steps: int = STEPS) -> tuple[list[tuple[bytes, byt
     return runs[0], min(seconds)
 
 
-def a_kill(
-    rng: random.Random, seconds: float, aimed: bool, steps: int = STEPS
-) -> dict[str, float]:
+def a_kill(rng: random.Random, seconds: float, aimed: bool, steps: int = STEPS) -> dict[str, float]:
     if aimed:
         return {"commit": rng.randrange(1, steps), "delay": rng.random() * 0.002}
     return {"seconds": seconds * rng.uniform(0.03, 0.97)}
