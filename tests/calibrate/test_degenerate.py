@@ -254,11 +254,6 @@ def test_what_is_no_fault_is_not_refused(
     assert done.shape_after < 0.005 * done.shape_before
 
 
-def test_boards_without_a_stripe_are_told_before_a_camera_is_known() -> None:
-    assert not any(p.shows_line(SETTINGS) for p in unlit())
-    assert all(p.shows_line(SETTINGS) for p in lit(world().board_poses(4)))
-
-
 def test_there_are_twenty() -> None:
     assert len(_SET_UPS) >= 20
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -238,6 +239,49 @@ def test_a_part_in_a_lit_room_without_a_line_is_no_line(tmp_path: Path) -> None:
     pictures = folder_of(tmp_path / "p", dull, 12)
     done = import_pictures(pictures, tmp_path / "a.turnscan", EvenSteps(30))
     assert "scan.no-line" in [f.code for f in done.findings]
+
+
+def test_the_edges_of_a_coloured_part_are_no_line(tmp_path: Path) -> None:
+    """A blue line on a red part in a lit room: red stands out most, at the part's edges."""
+    y, x = np.mgrid[0:120, 0:200]
+
+    def drawn(k: int, dice: Dice) -> Any:
+        a = k * np.pi / 6
+        part = np.abs(x - 100 - 25 * np.cos(a + y / 30)) < 45
+        body = 110 * (0.6 + 0.4 * np.sin((x - 100) / 20 + 3 * a + y / 15))
+        picture = np.where(part[..., None], body[..., None] * [1.0, 0.5, 0.4], 60.0)
+        at = 100 + 10 * np.sin(y / 20 + a) + 8 * np.cos(a)
+        picture[..., 2] += 40 * np.exp(-(((x - at) / 1.8) ** 2) / 2)
+        return picture + 1.5 * dice.standard_normal(picture.shape)
+
+    looked = preview_import(folder_of(tmp_path / "p", drawn, 12))
+    assert "scan.no-line" in [f.code for f in looked.findings]
+    assert looked.weights is not None
+    assert min(looked.weights) >= 0
+
+
+@pytest.mark.parametrize("quality", [60, 90])
+def test_blocks_of_jpeg_are_no_line(tmp_path: Path, quality: int) -> None:
+    folder = tmp_path / "p"
+    folder.mkdir()
+    for k in range(12):
+        wall = 60 + 3 * np.random.default_rng(k).standard_normal((120, 100, 3))
+        Pillow.fromarray(wall.astype(np.uint8)).save(folder / f"p{k:02d}.jpg", quality=quality)
+    with suppress(InputError):  # that no line is seen may be said at once
+        looked = preview_import(str(folder))
+        assert looked.weights is not None
+        assert min(looked.weights) >= 0, "a difference of channels shows no line here"
+
+
+def test_why_a_green_line_is_not_measured_in_green_is_said(tmp_path: Path) -> None:
+    def drawn(k: int, dice: Dice) -> Any:
+        bright = line(900.0)(k, dice)[..., None] * [0.25, 1.0, 0.2]
+        return bright + 2 * dice.standard_normal((*SIZE, 3))
+
+    done = import_pictures(folder_of(tmp_path / "p", drawn), tmp_path / "a.turnscan", EvenSteps(5))
+    assert done.plan.weights is not None
+    assert done.plan.weights[1] < max(done.plan.weights)
+    assert "; green counts little, as " in "".join(done.summary)
 
 
 def _mixed(k: int, dice: Dice) -> Any:

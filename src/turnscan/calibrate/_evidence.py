@@ -8,13 +8,7 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._board import Board, BoardView
 from turnscan.calibrate._margin import USUAL
 from turnscan.calibrate._markers import MarkerView
-from turnscan.calibrate._select import on_board
-from turnscan.calibrate._start import board_pose
-from turnscan.rig import Camera
 from turnscan.stripes import Orientation
-
-_USUAL_FOCUS = 1.2
-"""Of a picture's longer side."""
 
 
 @dataclass(frozen=True)
@@ -35,21 +29,6 @@ class LaserPicture:
         if settings.margin is not None:
             return settings.margin
         return USUAL * self.view.board.square if self.margin is None else self.margin
-
-    def shows_line(self, settings: CalibrationSettings) -> bool:
-        """Whether the board shows a straight stripe, whatever the camera.
-
-        A line on a plane is about straight by any lens, so a usual one does: what it would miss
-        is the ends of a stripe, and one piece of one is enough here.
-        """
-        if self.view.failure or not len(self.view.corners):
-            return False
-        width, height = self.view.size
-        f = _USUAL_FOCUS * max(width, height)
-        camera = Camera(width, height, f, f, (width - 1) / 2, (height - 1) / 2)
-        pose = board_pose(camera, self.view)
-        seen = on_board(camera, self.candidates, self.view.board, pose, self.around(settings))
-        return bool(len(seen))
 
 
 @dataclass(frozen=True)

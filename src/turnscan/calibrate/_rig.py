@@ -58,7 +58,7 @@ class Calibration:
 def calibrate_rig(
     camera: Sequence[BoardView],
     lasers: dict[str, Sequence[LaserPicture]],
-    table: Sequence[TablePicture],
+    table: Sequence[TablePicture] | Callable[[], Sequence[TablePicture]],
     settings: CalibrationSettings,
     say: Say = lambda _: None,
     known: KnownRig | None = None,
@@ -69,6 +69,9 @@ def calibrate_rig(
     observations in pixels with the camera, the bend of the board, the sheets, the axis, the shape
     of the platter, the markers' sizes and places and every angle free. Without a stripe on the
     platter the scale of a table with markers rests on their nominal side.
+
+    ``table`` may also be what reads the pictures of the table: it is asked once camera and sheets
+    are known, so that pictures that show none are refused before hundreds are read.
 
     Stages without pictures are those of ``known``, held by the uncertainty that they have there
     (exactly where it has none); what nobody knows stays open (`Rig.lacking`).
@@ -99,10 +102,11 @@ def calibrate_rig(
     names = tuple(s.name for s in state.rig.sheets)
     network = RigNetwork(boards, (nothing,) * len(kept) + stripes, (), names)
     used: list[TablePicture] = []
-    if table:
-        state, network, used = table_stage(state, network, table, settings, rejected)
+    turned = table() if callable(table) else table
+    if turned:
+        state, network, used = table_stage(state, network, turned, settings, rejected)
         say(f"table: {len(used)} pictures")
-    given = (*(("camera",) if camera else ()), *lasers, *(("table",) if table else ()))
+    given = (*(("camera",) if camera else ()), *lasers, *(("table",) if turned else ()))
     done = _adjusted(state, network, used, settings, rejected, Stages(given, known))
     poses = done.fit.state.poses[len(kept) :]
     seen = [

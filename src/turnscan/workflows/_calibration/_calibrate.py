@@ -17,6 +17,7 @@ from turnscan.calibrate import (
     CalibrationSettings,
     KnownRig,
     LaserPicture,
+    TablePicture,
     advice_of,
     calibrate_rig,
     figures,
@@ -48,10 +49,8 @@ from turnscan.workflows._files._writing import check_output, write_atomically
 from turnscan.workflows._options._calibrate import CalibrateOptions
 from turnscan.workflows._options._declare import chosen
 
-_LIT = 2
-"""Boards with a stripe on them, below which a sheet is refused."""
-_STAGES = 4
-"""How often an adjustment says how far it is."""
+_STAGES = (0.45, 0.5, 0.8)
+"""How far it is when an adjustment has done with the camera, the sheets, the table."""
 
 
 @dataclass(frozen=True)
@@ -320,28 +319,20 @@ def _adjusted(
         views = camera_views(found.camera, board, progress.subrange(0.05, 0.25, "camera boards"))
     boards = progress.subrange(0.25, 0.4, "laser boards")
     on_boards, weights = _on_boards(found, second, options, boards)
-    if any(_unlit(some, settings) for some in on_boards.values()):
-        # It says what is wrong without the pictures of the table, which may be hundreds.
-        calibrate_rig(views, on_boards, (), settings, known=known)
     if lit_on_table in weights:
         mix = weights[lit_on_table]
-    turning = progress.subrange(0.4, 0.7, "table")
-    turned = table_pictures(found.table, settings, lit_on_table, mix, turning)
-    adjusting = progress.subrange(0.7, 1.0, "adjusting")
     stages: list[str] = []
+    progress(0.4, "adjusting")
 
     def stage(text: str) -> None:
         stages.append(text)
-        adjusting(len(stages) / _STAGES)
+        progress(_STAGES[len(stages) - 1], "adjusting")
 
-    adjusting(0.0)
+    def turned() -> Sequence[TablePicture]:
+        mine = progress.subrange(0.5, 0.75, "table")
+        return table_pictures(found.table, settings, lit_on_table, mix, mine)
+
     return calibrate_rig(views, on_boards, turned, settings, stage, known), stages
-
-
-def _unlit(pictures: Sequence[LaserPicture], settings: CalibrationSettings) -> bool:
-    """Whether boards are seen, but the laser on too few of them for a sheet."""
-    seen = [p for p in pictures if not p.view.failure]
-    return len(seen) >= _LIT > sum(p.shows_line(settings) for p in seen)
 
 
 def _sheets_of(known: KnownRig | None) -> list[str]:

@@ -62,6 +62,8 @@ class ImportedScan:
     size_bytes: int
     """Of the scan file."""
     findings: tuple[Finding, ...]
+    clipped: tuple[str, ...] = ()
+    """Which channel counts little as the line is clipped in it, in words."""
 
     @property
     def summary(self) -> list[str]:
@@ -76,7 +78,8 @@ class ImportedScan:
         ]
         if plan.weights is not None:
             red, green, blue = plan.weights
-            lines.append(f"laser: {red:+.2f} red {green:+.2f} green {blue:+.2f} blue")
+            mix = f"laser: {red:+.2f} red {green:+.2f} green {blue:+.2f} blue"
+            lines.append("; ".join((mix, *self.clipped)))
         backgrounds = "; ".join(self.backgrounds)
         size = f"{self.size_bytes / 1e6:.1f} MB, 1/{self.raw_bytes / self.size_bytes:.1f}"
         return [
@@ -293,4 +296,5 @@ def _imported(
         pixels * plan.channels * np.dtype(plan.dtype).itemsize * per_frame,
         path.stat().st_size,
         tuple(findings),
+        tuple(dict.fromkeys(s.clipped for s in signals if s.clipped)),
     )
