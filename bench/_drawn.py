@@ -1,7 +1,6 @@
-"""A rig calibrated from corners and stripes that are drawn where the true rig sees them.
+"""Rigs calibrated from corners and stripes that are drawn where the true rig sees them.
 
-Boards stand as `_rigs.from_pictures` holds them, and as many; but no picture is rendered and
-searched, so that dozens of calibrations cost what one by pictures does.
+No picture is rendered and searched, so that dozens of calibrations cost what one by pictures does.
 """
 
 from __future__ import annotations
@@ -10,87 +9,111 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from bench._rigs import BOARD, MARGIN, TURN, VIEWS, held_boards, said_of_boards
 from turnscan.arrays import Floats
-from turnscan.calibrate import BoardView, LaserPicture, TablePicture, calibrate_rig
+from turnscan.calibrate import BoardView, Charuco, LaserPicture, TablePicture, calibrate_rig
 from turnscan.rig import Pose, Rig, rotation_z
 from turnscan.simulate import SimulationSpec, bench
 
-CORNERS, STRIPES = 0.023, 0.55
-"""px: noise of the corners of boards, and of stripes on them, as rendered pictures of the modern
-rig have it. Their means are off by less than 0.005 px and 0.02 px, which is what chance does."""
+CORNERS, STRIPES, ALONG = 0.025, 0.61, 0.44
+"""px: noise of the corners of boards, and of a row of stripes on them, with the correlation of
+neighbouring rows, as rendered pictures of the modern rig have it (part ``noise`` of
+`bench.calibration`)."""
+_EDGE = 3.0
+"""px from the picture's edge within which no corner is found."""
 _PLACES = 2001
 """Of a stripe that is drawn."""
 
 
 def from_drawn(spec: SimulationSpec, seed: int, views: tuple[int, int, int] = VIEWS) -> Rig:
-    """Calibrate with boards held freely, under the laser, and on the table."""
+    """Calibrate with boards held freely, under the laser, and on the table.
+
+    They stand as `_rigs.from_pictures` holds them, and as many.
+    """
     free, under, stops = views
     rig = bench(spec).rig
-    stand = bench(replace(spec, scene="charuco")).scene.bodies[0].T_table_part
-    drawn = _Drawn(rig, np.random.default_rng(seed))
-    held = held_boards(drawn.dice, stand, free + under)
-    seen = [drawn.board(at, f"free {k}") for k, at in enumerate(held)]
+    stand = bench_board(spec)
+    drawn = Drawn(rig, np.random.default_rng(seed))
+    held = [rig.T_camera_table @ at @ PRINT for at in held_boards(drawn.dice, stand, free + under)]
+    seen = [drawn.board(T, name=f"free {k}") for k, T in enumerate(held)]
     under_it = list(zip(held[free:], seen[free:], strict=True))
     striped: dict[str, Sequence[LaserPicture]] = {
-        sheet.name: [LaserPicture(view, drawn.stripe(at, sheet.name)) for at, view in under_it]
+        sheet.name: [LaserPicture(view, drawn.stripe(T, sheet.name)) for T, view in under_it]
         for sheet in rig.sheets
     }
-    start, step = -TURN, 2 * TURN / (stops - 1)
-    table = [
-        TablePicture(drawn.board(stand, f"table {k}", start + k * step), {}, f"table {k}", k)
-        for k in range(stops)
-    ]
+    table = drawn.table(stand, stops)
+    step = 2 * TURN / (stops - 1)
     return calibrate_rig(seen[:free], striped, table, said_of_boards(stand, step)).rig
 
 
-class _Drawn:
-    """What the true rig sees of the simulator's board, with noise."""
+def bench_board(spec: SimulationSpec) -> Pose:
+    """Where the simulator's board stands on the table of this rig."""
+    return bench(replace(spec, scene="charuco")).scene.bodies[0].T_table_part
+
+
+class Drawn:
+    """What the true rig sees of a board, with noise. Poses are those of the print, in the camera's
+    frame."""
 
     def __init__(self, rig: Rig, dice: np.random.Generator) -> None:
         self.rig, self.dice = rig, dice
 
-    def board(self, at: Pose, name: str, angle: float = 0.0) -> BoardView:
-        """The corners of a board that stands ``at`` a place of the table, turned by ``angle``."""
-        px = self._pixels(at, _on_plate(BOARD.points), angle)
-        px = px + CORNERS * self.dice.standard_normal(px.shape)
+    def board(self, T: Pose, board: Charuco = BOARD, name: str = "") -> BoardView:
+        """The corners of a board that are in the picture."""
         camera = self.rig.camera
+        px = camera.project(T.apply(board.points))
+        px = px + CORNERS * self.dice.standard_normal(px.shape)
         size = (camera.width, camera.height)
-        inside = np.flatnonzero(((px > 0) & (px < np.array(size) - 1)).all(axis=1))
-        return BoardView(BOARD, px[inside], inside.astype(np.int32), size, name)
+        inside = ((px > _EDGE) & (px < np.array(size) - 1 - _EDGE)).all(axis=1)
+        ids = np.flatnonzero(inside)
+        return BoardView(board, px[ids], ids.astype(np.int32), size, name)
 
-    def stripe(self, at: Pose, laser: str) -> Floats:
-        """(n, 2) px: where a laser's sheet cuts a board, once in each row of the picture."""
-        x0, y0, x1, y1 = BOARD.extent
-        sides = np.array([[x0, y0, 0.0], [x0, y1, 0.0], [x1, y0, 0.0], [x1, y1, 0.0]])
-        (a, b, c, d) = (self._to_camera(at, _on_plate(side)) for side in sides)
-        share = np.linspace(-MARGIN, y1 - y0 + MARGIN, _PLACES)[:, None] / (y1 - y0)
-        left, right = a + share * (b - a), c + share * (d - c)
-        sheet = self.rig.sheet(laser)
-        off = [(side - sheet.centre) @ sheet.normal for side in (left, right)]
-        across = off[0] / (off[0] - off[1])
-        margin = MARGIN / (x1 - x0)
-        on = (across > -margin) & (across < 1 + margin)
-        X = left[on] + across[on, None] * (right[on] - left[on])
-        if len(X) < 2:  # the board stands beside the light
-            return np.zeros((0, 2))
-        px = self.rig.camera.project(X)
-        order = np.argsort(px[:, 1])
-        rows = np.arange(np.ceil(px[order[0], 1]), px[order[-1], 1])
-        columns = np.interp(rows, px[order, 1], px[order, 0])
-        columns += STRIPES * self.dice.standard_normal(len(rows))
-        return np.column_stack([columns, rows])
+    def stripe(self, T: Pose, laser: str, board: Charuco = BOARD) -> Floats:
+        """(n, 2) px: what is found of a laser's stripe on a board, once in each row."""
+        px = stripe_of(self.rig, T, laser, board)
+        white = np.sqrt(1.0 - ALONG**2) * self.dice.standard_normal(len(px))
+        white[:1] /= np.sqrt(1.0 - ALONG**2)
+        noise = lfilter([STRIPES], [1.0, -ALONG], white)
+        return np.column_stack([px[:, 0] + noise, px[:, 1]])
 
-    def _pixels(self, at: Pose, plate: Floats, angle: float) -> Floats:
-        return self.rig.camera.project(self._to_camera(at, plate, angle))
-
-    def _to_camera(self, at: Pose, plate: Floats, angle: float = 0.0) -> Floats:
-        return self.rig.T_camera_table.apply(at.apply(plate) @ rotation_z(angle).T)
+    def table(self, stand: Pose, stops: int) -> list[TablePicture]:
+        """The simulator's board that ``stand``s on the table, turned by `TURN` to both sides."""
+        angles = np.linspace(-TURN, TURN, stops)
+        turned = [self.rig.T_camera_table @ Pose(rotation_z(a), np.zeros(3)) for a in angles]
+        return [
+            TablePicture(self.board(T @ stand @ PRINT, name=f"table {k}"), {}, f"table {k}", k)
+            for k, T in enumerate(turned)
+        ]
 
 
-def _on_plate(board: Floats) -> Floats:
-    """Points (…, 3) of the board's own frame, as they lie on the simulator's plate."""
+def stripe_of(rig: Rig, T: Pose, laser: str, board: Charuco = BOARD) -> Floats:
+    """(n, 2) px: where a laser's sheet cuts a board, once in each row of the picture."""
+    x0, y0, x1, y1 = board.extent
+    (a, b, c, d) = T.apply(np.array([[x0, y0, 0.0], [x0, y1, 0.0], [x1, y0, 0.0], [x1, y1, 0.0]]))
+    share = np.linspace(-MARGIN, y1 - y0 + MARGIN, _PLACES)[:, None] / (y1 - y0)
+    left, right = a + share * (b - a), c + share * (d - c)
+    sheet = rig.sheet(laser)
+    off = [(side - sheet.centre) @ sheet.normal for side in (left, right)]
+    across = off[0] / (off[0] - off[1])
+    margin = MARGIN / (x1 - x0)
+    on = (across > -margin) & (across < 1 + margin)
+    X = left[on] + across[on, None] * (right[on] - left[on])
+    if len(X) < 2:  # the board stands beside the light
+        return np.zeros((0, 2))
+    px = rig.camera.project(X)
+    px = px[np.argsort(px[:, 1])]
+    top, end = np.clip(px[[0, -1], 1], 0.0, rig.camera.height - 1.0)
+    rows = np.arange(np.ceil(top), end)
+    return np.column_stack([np.interp(rows, px[:, 1], px[:, 0]), rows])
+
+
+def _on_plate() -> Pose:
+    """The frame of the simulator's board in that of the plate which carries it."""
     x0, _, x1, y1 = BOARD.extent
-    x, y = board[..., 0], board[..., 1]
-    return np.stack([0.0 * x, x - (x0 + x1) / 2, MARGIN + y1 - y], axis=-1)
+    R = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    return Pose(R, np.array([0.0, -(x0 + x1) / 2, MARGIN + y1]))
+
+
+PRINT = _on_plate()

@@ -1,8 +1,7 @@
 """Where the axis of the modern rig comes out, over draws, and what it hangs on.
 
-Corners and stripes stand for rendered pictures, of which one rig takes some ten minutes: corners
-have the noise by which the stated uncertainty of the axis is that of the rendered ones (part
-``boards``), stripes that of the rig's speckle. In the camera's frame the axis is as far away as the
+Corners and stripes are drawn with the noise that those of rendered pictures have (`bench._drawn`),
+of which one rig takes some ten minutes. In the camera's frame the axis is as far away as the
 focal length says, and that is told by how a tilted board narrows: by the size of the board in the
 picture, its tilt, and how many there are. What is measured depends on the axis against the sheet,
 which the pictures under the laser and on the table tell.
@@ -11,12 +10,12 @@ which the pictures under the laser and on the table tell.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from tests.calibrate.world import World
 
-from bench._rigs import BOARD, MARGIN, ROOM, TURN
+from bench._drawn import Drawn, bench_board
+from bench._rigs import BOARD, MARGIN, TURN
 from bench.calibration._figures import Figure, at_most
 from bench.calibration.boards import MODERN, seen_of, spread_of
 from turnscan.arrays import Floats
@@ -25,20 +24,15 @@ from turnscan.calibrate import (
     CalibrationSettings,
     Charuco,
     LaserPicture,
-    TablePicture,
     calibrate_rig,
 )
 from turnscan.rig import Pose, Rig, rotation_from_vector, rotation_z
 from turnscan.simulate import SimulationSpec, bench
 
-CORNERS, STRIPES = 0.033, 0.385
-"""px"""
 LARGE = Charuco(15, 10, 12.0, 9.0, "DICT_5X5_250")
 _DEPTH, _ASIDE, _UNDER = 40.0, 0.35, 0.08
 """mm by which boards are nearer or farther than the axis; parts of the picture by which they are
 beside its middle, held freely and under the laser."""
-_REACH = 0.48
-"""Of the board's height: half of the stripe on it that is looked at."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +63,9 @@ def figures(quick: bool) -> Iterator[Figure]:
     seeds = range(4 if quick else 16)
     spec = SimulationSpec("ball-bar", "modern", lasers=1)
     true = bench(spec).rig
-    body = bench(replace(spec, scene="charuco", room=ROOM)).scene.bodies[0]
-    assert body.texture is not None
-    right, down = (np.asarray(v) / np.linalg.norm(v) for v in (body.texture.right,
-                                                               body.texture.down))  # fmt: skip
-    corner = body.texture.corner + BOARD.square * (right + down)
-    printed = Pose(np.stack([right, down, np.cross(right, down)], axis=1), corner)
+    stand = bench_board(spec)
     for way in WAYS:
-        rigs = [_drawn(true, body.T_table_part @ printed, way, seed) for seed in seeds]
+        rigs = [_drawn(true, stand, way, seed) for seed in seeds]
         yield from _lines(true, rigs, way)
 
 
@@ -101,33 +90,24 @@ def _lines(true: Rig, rigs: list[Rig], way: Held) -> Iterator[Figure]:
 
 
 def _drawn(true: Rig, stand: Pose, way: Held, seed: int) -> Rig:
-    dice = np.random.default_rng(seed)
-    corners, stripes = World(true, dice, CORNERS), World(true, dice, STRIPES)
+    drawn = Drawn(true, np.random.default_rng(seed))
+    laser = true.sheets[0].name
     free, lit = list[BoardView](), list[LaserPicture]()
     while len(free) < way.count:
-        T = _pose(true, way.board, way.tilt, _ASIDE, dice)
-        view = _view(corners, T, way.board, f"c{len(free)}")
-        free += [] if view is None else [view]
-    reach = _REACH * (way.board.extent[3] - way.board.extent[1])
+        T = _pose(true, way.board, way.tilt, _ASIDE, drawn.dice)
+        view = drawn.board(T, way.board, f"c{len(free)}")
+        free += [view] if _shows_enough(view) else []
     while len(lit) < way.under:
-        T = _pose(true, way.board, (0.1, 0.8), _UNDER, dice)
-        view = _view(corners, T, way.board, f"l{len(lit)}")
-        if view is not None:
-            middle, rows = T.apply(_middle(way.board)), np.arange(0.0, true.camera.height)
-            seen = stripes.stripe(T.rotation[:, 2], T.translation, rows, middle, reach,
-                                  true.sheets[0].name)  # fmt: skip
-            lit.append(LaserPicture(view, seen.pixels))
+        T = _pose(true, way.board, (0.1, 0.8), _UNDER, drawn.dice)
+        view = drawn.board(T, way.board, f"l{len(lit)}")
+        if _shows_enough(view):
+            lit.append(LaserPicture(view, drawn.stripe(T, laser, way.board)))
     step = 2 * TURN / (STOPS - 1)
-    turns = [Pose(rotation_z(-TURN + k * step), np.zeros(3)) for k in range(STOPS)]
-    turned = [
-        _view(corners, true.T_camera_table @ turn @ stand, BOARD, f"t{k}")
-        for k, turn in enumerate(turns)
-    ]
-    table = [TablePicture(v, {}, v.name, k) for k, v in enumerate(turned) if v is not None]
+    table = drawn.table(stand, STOPS)
     # The table's origin is beside the true one where the lowest corner's height is: along the axis,
     # which moves no axis.
     settings = CalibrationSettings(step=step, table_board=BOARD, margin=MARGIN)
-    return calibrate_rig(free, {true.sheets[0].name: lit}, table, settings).rig
+    return calibrate_rig(free, {laser: lit}, table, settings).rig
 
 
 def _middle(board: Charuco) -> Floats:
@@ -148,16 +128,8 @@ def _pose(
     return Pose(R, np.array([x / camera.fx * z, y / camera.fy * z, z]) - R @ _middle(board))
 
 
-def _view(world: World, T: Pose, board: Charuco, name: str) -> BoardView | None:
-    """What is in the picture of a board; None for one that shows too little."""
-    camera = world.rig.camera
-    view = world.board_view(T, board, name)
-    size = np.array([camera.width, camera.height])
-    inside = np.flatnonzero(((view.corners > 3) & (view.corners < size - 4)).all(axis=1))
-    if len(inside) < len(view.ids) // 4:
-        return None
-    return replace(view, corners=view.corners[inside], ids=view.ids[inside],
-                   size=(camera.width, camera.height))  # fmt: skip
+def _shows_enough(view: BoardView) -> bool:
+    return len(view.ids) >= len(view.board.points) // 4
 
 
 __all__ = ["figures"]

@@ -144,6 +144,21 @@ def ruled_body(body: Body, form: Form, known: tuple[Known | None, ...], lasers: 
     return refine(ruled(true, 1), sweeps, RefineSettings(queries=400, rounds=6, body=(form, known)))
 
 
+def free_camera(size: float) -> Refined:
+    """A ball by a rig of a ruler whose lens is known to so much of its focal length."""
+    true = two_lasers()
+    known = doubted(true)
+    assert known.covariance is not None
+    sigma = np.sqrt(np.diag(known.covariance))
+    for k, name in enumerate(true.parameter_names):
+        if name in ("camera.fx", "camera.fy", "camera.cx", "camera.cy"):
+            sigma[k] = size * true.camera.fx
+    rig = replace(ruled(true, 1, known), covariance=np.diag(sigma**2))
+    sweeps = both(true, BESIDE, STEPS[::2], STEPS[::2], 3, every=10)
+    body = (Balls(), ((18.0, 0.002),))
+    return refine(rig, sweeps, RefineSettings(camera=True, queries=400, rounds=6, body=body))
+
+
 def upright_cone(points: Floats) -> Floats:
     r = np.hypot(points[..., 0], points[..., 1])
     return np.asarray(r - (20.0 - points[..., 2] * np.tan(np.radians(12.0))))
@@ -176,7 +191,7 @@ def disorder() -> AngleModel:
     return angle_model(np.random.default_rng(1).uniform(-3, 3, 40), np.full(40, 1e-3))
 
 
-CENTRED = sphere((0.0, 0.0, 22.0), 18.0)
+CENTRED, BESIDE = sphere((0.0, 0.0, 22.0), 18.0), sphere((14.0, 3.0, 22.0), 18.0)
 _SAME = "camera: .* same direction"
 _SET_UPS: list[tuple[str, Callable[[], object], str]] = [
     ("two boards", lambda: camera_of(boards(world().board_poses(2))), "camera: .* in 2 of 2"),
@@ -224,6 +239,8 @@ _SET_UPS: list[tuple[str, Callable[[], object], str]] = [
     ("cone alone, one laser",
      lambda: ruled_body(cone, Round(conical=True), ((20.0, 0.002), None), 1),
      "alone, the cone says too little"),
+    ("free camera", lambda: free_camera(0.03), "camera its rays may be off by 2.4°"),
+    ("wholly free camera", lambda: free_camera(1.0), "next to nothing of the lens"),
     ("plane alone", axis_by_a_plane, "no two surfaces overlap"),
 ]  # fmt: skip
 
@@ -238,8 +255,8 @@ def test_refused_by_name(name: str, attempt: Callable[[], object], says: str) ->
 @pytest.mark.parametrize(
     ("body", "form", "known", "scale"),
     [
-        (sphere((14.0, 3.0, 22.0), 18.0), Balls(), (None,), True),
-        (sphere((14.0, 3.0, 22.0), 18.0), Balls(), ((18.0, 0.001),), False),
+        (BESIDE, Balls(), (None,), True),
+        (BESIDE, Balls(), ((18.0, 0.001),), False),
         (bar, Balls(2), ((10.0, 0.005), (10.0, 0.005), (38.0, 0.002)), False),
         (cylinder((9.0, 2.0), 14.0, 20.0), Round(), (None,), True),
     ],

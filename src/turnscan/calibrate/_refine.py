@@ -19,6 +19,7 @@ from turnscan.calibrate._part import Part
 from turnscan.calibrate._prior import moved_by
 from turnscan.calibrate._quality import Measured
 from turnscan.calibrate._refine_advice import refine_advice
+from turnscan.calibrate._residuals import CAMERA_SIZE
 from turnscan.calibrate._shape import shape_doubt
 from turnscan.calibrate._shared import with_shared_noise
 from turnscan.calibrate._surfaces import (
@@ -56,6 +57,9 @@ _TOLD = 0.5
 """Of what was known before: a parameter that stays less certain than this was hardly determined."""
 _WILD = 3.0
 """Times what is thought possible of a table."""
+_RAYS = np.radians(1.5)
+"""rad rms: a camera whose uncertainty turns its rays by more is not known. Where they are off by
+0.8°, a ball still leads to the rig; by 2.4°, none of the starts does, after half a minute."""
 _OPEN = 0.02
 """Of how far the rig bent shapes before: a body that leaves more of it says too little. Bodies that
 stand well leave three thousandths at most, a ball 0.1 mm beside the rotation axis three
@@ -172,6 +176,8 @@ def refine(
     _check_poses(many, s)
     if s.body is not None and s.geometry:
         _refuse_about_axis(many, s.body[0].name)
+    if s.geometry and (s.camera or known_together(rig)):
+        _refuse_free_camera(rig, many)
     begin = Surfaces(replace(rig, covariance=None, motion=_motion(rig, many)), (), s.poses)
     doubt = doubt_of(rig, many) if s.geometry else 0.0
     state, rough = _begun(rig, begin, many, s, doubt, progress.subrange(0, _APPROACH))
@@ -250,6 +256,28 @@ def _refuse_about_axis(sweeps: Sequence[Sweep], name: str) -> None:
             f"the {name} stands about the rotation axis: its stripe stays in its place at all "
             "angles of the table, which leaves open where the axis is and how it leans",
             hint="scan it again away from the rotation axis, and tilted",
+        )
+
+
+def _refuse_free_camera(rig: Rig, sweeps: Sequence[Sweep]) -> None:
+    """Raise Degenerate for a camera of which next to nothing is known: no surface tells a lens."""
+    if rig.covariance is None:
+        return
+    far = np.zeros(len(sweeps))
+    for k in np.flatnonzero(np.diag(rig.covariance)[:CAMERA_SIZE] > 0):
+        step = np.zeros(len(rig.covariance))
+        step[k] = np.sqrt(rig.covariance[k, k])
+        off = rig.perturbed(step).camera
+        for i, sweep in enumerate(sweeps):
+            turn = off.rays(sweep.pixels) - rig.camera.rays(sweep.pixels)
+            far[i] += float(np.mean((turn**2).sum(axis=1)))
+    off_by = float(np.sqrt(far.mean()))
+    if not off_by <= _RAYS:
+        raise Degenerate(
+            f"by what is known of the camera its rays may be off by {np.degrees(off_by):.1f}° "
+            "(rms): what a scan shows of a part says next to nothing of the lens",
+            hint="calibrate the camera by pictures of a board first, or state how far its focal "
+            "length and the middle of its picture may be off",
         )
 
 
