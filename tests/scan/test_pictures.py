@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -192,6 +194,31 @@ def test_video_frames_in_order(tmp_path: Path) -> None:
     assert [f.shape for f in frames] == [(48, 64, 3)] * 3
     reds = [int(f[20, 20, 0]) for f in frames]
     assert all(abs(r - w) < 12 for r, w in zip(reds, (10, 90, 200), strict=True))
+
+
+def test_a_video_that_was_cut_off_is_no_shorter_video(tmp_path: Path) -> None:
+    import cv2
+
+    path = tmp_path / "a.avi"
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
+    for level in range(40):
+        video.write(np.full((48, 64, 3), 5 * level, np.uint8))
+    video.release()
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 6 // 10])
+    with pytest.raises(FormatError, match=r"40 frames are declared, \d+ can be read"):
+        list(read_video(path))
+
+
+def test_of_a_damaged_video_one_line_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    path.write_text("no video")
+    code = f"from turnscan.scan import read_video; list(read_video({str(path)!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert "moov" not in done.stderr
+    assert "no video that OpenCV can open" in done.stderr
 
 
 def test_a_video_that_is_none(tmp_path: Path) -> None:

@@ -37,7 +37,8 @@ _path = click.Path(path_type=Path)
     "--rig",
     type=_path,
     metavar="RIG.json",
-    help="Also write this geometry as a nominal rig file; one angle only.",
+    help="Also write this geometry as a nominal rig file; one angle, one laser. Other poses and "
+    "more lasers: numbers of a ruler, with calibrate --rig.",
 )
 def verb(
     as_paper: bool,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import io
 import math
+import os
 import re
 import struct
 import warnings
@@ -150,6 +151,14 @@ _BROKEN = (
 """What decoders are known to raise on damaged files."""
 
 
+_COUNTED = (".avi", ".mp4", ".mov", ".m4v")
+"""Videos of these kinds hold the number of their frames; of others it is an estimate."""
+_ALL = 0.9
+"""Of it: so many are all, as some cameras count frames that they have dropped."""
+_SILENT = "-8"
+"""FFmpeg's level of messages at which it prints nothing."""
+
+
 def is_video(path: str | Path) -> bool:
     """Whether a name ends like a video's."""
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
@@ -158,9 +167,11 @@ def is_video(path: str | Path) -> bool:
 def read_video(path: str | Path) -> Iterator[Image]:
     """Frames of a video in order, each (H, W, 3) uint8 in the order red, green, blue.
 
-    Raises InputError for a missing file, FormatError where it does not open or holds no frame, and
-    LimitExceeded for frames that are too large.
+    Raises InputError for a missing file, FormatError where it does not open, holds no frame or ends
+    long before the last one that it declares, and LimitExceeded for frames that are too large.
     """
+    # The decoder tells the terminal of a damaged file, in its own words.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _SILENT)
     import cv2
 
     path = Path(path)
@@ -175,6 +186,7 @@ def read_video(path: str | Path) -> Iterator[Image]:
         width = int(video.get(cv2.CAP_PROP_FRAME_WIDTH))
         height = int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
         check_pixels(width, height, str(path))
+        declared = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
         count = 0
         while True:
             good, frame = video.read()
@@ -184,6 +196,12 @@ def read_video(path: str | Path) -> Iterator[Image]:
             yield _frozen(np.asarray(frame[..., ::-1]))
         if count == 0:
             raise FormatError(f"{path}: a video without a single readable frame")
+        if path.suffix.lower() in _COUNTED and count < _ALL * declared:
+            raise FormatError(
+                f"{path}: {declared} frames are declared, {count} can be read: it is cut off or "
+                "damaged",
+                hint="copy the video again, or convert what is good of it to pictures, as PNG",
+            )
     finally:
         video.release()
 
