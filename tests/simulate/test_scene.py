@@ -9,6 +9,7 @@ import pytest
 
 from turnscan.arrays import Bools, Floats
 from turnscan.mesh import Mesh
+from turnscan.rig import Pose
 from turnscan.simulate import Body, Part, Renderer, SimulationSpec, _cut, _raster, bench, part
 from turnscan.simulate._render import sheet_numbers
 from turnscan.simulate._scene import triangles
@@ -121,3 +122,22 @@ def _may_be_dark(shadows: Shadows, points: Floats, normals: Floats, lamp: Floats
     )
     assert (facing > 0).all()
     return asked
+
+
+def test_what_stands_the_same_is_drawn_once_and_what_does_not_is_drawn_anew() -> None:
+    first, again = (Renderer(bench(SimulationSpec("hexagon", "paper"))) for _ in range(2))
+    assert again._tri is first._tri
+    made = first.bench
+    body, *others = made.scene.bodies
+
+    def with_body(other: Body) -> Renderer:
+        return Renderer(replace(made, scene=replace(made.scene, bodies=(other, *others))))
+
+    # What a body is made of is no matter of its triangles.
+    shiny = with_body(replace(body, material=replace(body.material, specular=0.5)))
+    assert shiny._tri is first._tri
+    assert shiny.bench.scene.bodies[0].material.specular == 0.5
+    moved = replace(body, T_table_part=Pose(translation=np.array([1.0, 0.0, 0.0])))
+    larger = replace(body.part.mesh, vertices=1.01 * body.part.mesh.vertices)
+    for other in (moved, replace(body, part=replace(body.part, mesh=larger))):
+        assert np.abs(with_body(other)._tri.vertices - first._tri.vertices).max() > 0.1

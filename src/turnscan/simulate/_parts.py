@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -235,7 +236,14 @@ def part(name: str) -> Part:
             f"no simulated part {name!r}",
             hint=f"choose one of {', '.join(PARTS)}, or give a mesh file",
         )
-    return PARTS[name]()
+    return _made(PARTS[name])
+
+
+@lru_cache(maxsize=4)
+def _made(make: Callable[[], Part]) -> Part:
+    """The last ones are kept: triangles of round parts take a second, and devices are opened with
+    the same part again and again."""
+    return make()
 
 
 def from_mesh(name: str, mesh: Mesh) -> Part:

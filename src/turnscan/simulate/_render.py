@@ -8,8 +8,10 @@ inverts what `turnscan.stripes` or `turnscan.points` do.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +27,7 @@ from turnscan.simulate._bench import PLANCK_C, Bench
 from turnscan.simulate._bounce import Bounces
 from turnscan.simulate._exposure import expose
 from turnscan.simulate._random import seed64
-from turnscan.simulate._scene import PATTERNS, Triangles, triangles
+from turnscan.simulate._scene import PATTERNS, Body, Triangles, triangles
 from turnscan.simulate._view import View
 
 if TYPE_CHECKING:
@@ -38,13 +40,43 @@ _RAY_BLOCKS = (2, 2)
 _PROFILE_BINS = 2048
 
 
+class _Standing:
+    """Bodies, equal where their triangles are the same and stand in the same places."""
+
+    def __init__(self, bodies: tuple[Body, ...]) -> None:
+        self.bodies = bodies
+        digest = hashlib.blake2b(repr(len(bodies)).encode())
+        for body in bodies:
+            mesh, T = body.part.mesh, body.T_table_part
+            for array in (mesh.vertices, mesh.faces, T.rotation, T.translation):
+                digest.update(repr((array.shape, array.dtype.str)).encode())
+                digest.update(np.ascontiguousarray(array))
+        self._digest = digest.digest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Standing) and self._digest == other._digest
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+
+@lru_cache(maxsize=2)
+def _drawn(standing: _Standing) -> tuple[Triangles, Caster]:
+    """Triangles for ray casting. The last ones are kept: they take a second or two, and a
+    simulated device is opened again and again with the same part."""
+    tri = triangles(standing.bodies)
+    caster = Caster(tri.vertices, tri.faces)
+    # The first ray builds the tree: two devices may send theirs at once.
+    caster.first_hits(np.zeros(3), np.ones((1, 3)))
+    return tri, caster
+
+
 class Renderer:
     """Renders the pictures of one bench. Holds nothing but what the bench implies."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
-        self._tri: Triangles = triangles(bench.scene.bodies)
-        self._caster = Caster(self._tri.vertices, self._tri.faces)
+        self._tri, self._caster = _drawn(_Standing(bench.scene.bodies))
         self.view = View(bench, self._tri, self._caster)
 
     def electrons(
