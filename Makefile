@@ -78,13 +78,16 @@ test-fast: setup ## the inner loop, two to three minutes: pure rooms, contracts,
 test-interpreters: setup ## pure rooms, scan and cli on every other Python from 3.11 that is here
 	$(BIN)/python tests/interpreters.py
 
-check: setup frontend-check ## format, lint, types, import contract, module sizes, front end, docs
+check: frontend-check lint docs ## format, lint, types, import contract, module sizes, front end, docs
+
+# It needs no kernel: with -j it goes on while these are compiled.
+.PHONY: lint
+lint: $(STAMP) ## what of check looks at the Python sources
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tests/contracts/module_sizes.py
-	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
 
 # The front end's bundle is tracked, so that only those who change it need Node.
 NODE_READY := frontend/node_modules/.package-lock.json

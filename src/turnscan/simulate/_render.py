@@ -50,7 +50,7 @@ class _Standing:
             mesh, T = body.part.mesh, body.T_table_part
             for array in (mesh.vertices, mesh.faces, T.rotation, T.translation):
                 digest.update(repr((array.shape, array.dtype.str)).encode())
-                digest.update(np.ascontiguousarray(array))
+                digest.update(array.tobytes())
         self._digest = digest.digest()
 
     def __eq__(self, other: object) -> bool:
