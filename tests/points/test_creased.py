@@ -126,6 +126,37 @@ def test_beside_surfaces_that_are_no_plane_a_centre_is_doubted_and_not_moved(las
     assert told.doubt[3, 1] > 0.1
 
 
+@pytest.mark.parametrize("k", [-1.5, -0.4, 0.0, 0.7, 2.0])
+@pytest.mark.parametrize(("wide", "v"), [(1.3, 1.0), (2.5, 0.5), (4.0, 3.0)])
+def test_a_sheet_on_two_lines_has_the_centre_and_the_width_of_its_integral(k, wide, v):
+    mean, own, _ = on_two(k, wide, v)
+    told = kernels.crease(k, (wide, -wide * k, v), (1.0, -k, 1.0))
+    assert told == pytest.approx((mean, own), abs=1e-3)
+    back = kernels.told_by_width(*(np.array([x]) for x in (1.0, wide, v, own)))
+    # Two places may have one width; either is as wide as this.
+    near = np.linspace(-3.0, 3.0, 601)
+    alike = [m for m, w, _ in (on_two(float(x), wide, v) for x in near) if abs(w - own) < 0.05]
+    assert np.min(np.abs(np.array(alike) - back)) < 0.02
+
+
+@pytest.mark.parametrize(("bends", "moved"), [
+    ((0.0, 0.0, 0.3, 0.5, 0.3, 0.0, 0.0), True),
+    ((0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3), False),  # round, and goes on to bend
+    ((0.0, 0.05, 0.3, 0.5, 0.3, 0.4, 0.0), True),  # another crease on one side
+    ((0.0, 0.2, 0.1, 0.2, 0.1, -0.2, 0.0), False),
+])  # fmt: skip
+def test_what_goes_on_to_bend_beyond_the_sheet_is_no_crease(bends, moved):
+    width = np.tile(np.array([1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0])[:, None], (1, 3))
+    walk, side = np.ones((2, 7, 3)), np.ones((2, 7, 3))
+    walk[0] = np.exp(bends)[:, None]
+    side[1] = -1.0
+    of = Widths(width, np.ones(width.shape), walk, side, np.full(width.shape, 3.0))
+    told = creased(of, 1.0, lambda far: np.full(width.shape, np.nan), planes(0.3))
+    assert told is not None
+    assert (told.shift[3, 1] > 0.1) == moved
+    assert told.doubt[3, 1] > 0.1, "it may still lie on two surfaces"
+
+
 @pytest.mark.parametrize("edge", [-0.5, 0.0, 0.4])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_planes_beside_say_what_a_sheet_on_both_does_to_the_centre(edge, sign):

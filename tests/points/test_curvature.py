@@ -150,6 +150,22 @@ def test_beside_the_axis_the_noise_of_points_is_no_curvature():
     assert moved.max() < 0.15
 
 
+@pytest.mark.parametrize("thick", [0.5, 1.0, 2.0])
+def test_the_far_side_of_a_thin_plate_through_the_axis_is_no_curvature(thick: float) -> None:
+    """Steps beside the axis are short, and those as far off as the sheet reaches lie on the back:
+    its points were moved by 0.1 mm."""
+    light, _ = light_of((20.0, (0.0, 0.0)), 0.39, 60)
+    turn = light.angles
+    aslant = np.abs(np.sin(turn)) > 0.1
+    reach = 0.5 * thick / np.maximum(np.abs(np.sin(turn)), 0.1)
+    points = np.where(aslant[:, None, None], light.points * (reach / 20.0)[:, None, None], np.nan)
+    points[..., 2] = light.points[..., 2] + 0 * points[..., 2]
+    plate = LitPoints(points, 100 * light.eyes, light.moves, light.sheets, light.width,
+                      light.amplitude, turn, True)  # fmt: skip
+    moved = PIXEL * np.abs(curvature_shift(plate, THICK))
+    assert np.nanmax(moved) < 0.01
+
+
 @pytest.mark.parametrize("steps", [1, 2, 3, 4, 5])
 def test_a_turn_of_few_steps_comes_to_an_end(steps: int) -> None:
     """And has no curvature, as no two profiles lie to either side."""

@@ -151,6 +151,49 @@ def test_whole_stripes_are_left_alone():
     ), "a wall's own turn leads off it by the sine of its place"
 
 
+def alone(width: float, light: float = 1.0, stated: float = 0.4) -> LitPoints:
+    """The wall, about whose step 7 nothing is seen, in a stripe of this share of its width and
+    light."""
+    whole = wall()
+    points = whole.points.copy()
+    points[5:10] = np.nan
+    points[7] = whole.points[7]
+    wide, bright = whole.width.copy(), whole.amplitude.copy()
+    wide[7] *= width
+    bright[7] *= light
+    return replace(whole, points=points, width=wide, amplitude=bright, stated=stated)
+
+
+@pytest.mark.parametrize(
+    ("width", "light", "least", "most"),
+    [
+        (1.0, 1.0, 0.0, 0.0),
+        (0.85, 1.0, 0.0, 0.0),
+        (0.65, 1.0, 0.4, 0.9),
+        (0.3, 1.0, 1.0, 1.3),
+        (1.0, 0.2, 0.6, 1.2),  # as wide, but of a fifth of the light
+        (1.4, 0.9, 0.0, 0.0),
+    ],
+)
+def test_a_narrow_stripe_with_nothing_beside_is_doubted(width, light, least, most):
+    """The edge of a plate that is thinner than the sheet: part of its light falls on it, far from
+    its middle, and no profile beside tells that."""
+    told = wholeness(alone(width, light))
+    doubt = told.doubt[7] / 2.0
+    assert np.all((doubt >= least) & (doubt <= most + 1e-9)), doubt
+    assert not told.shift[7].any()
+    assert told.doubt[12] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_where_no_surface_tells_how_thick_the_sheet_is_the_rig_does():
+    seen = alone(0.3)
+    points = np.where(np.arange(S)[:, None, None] == 7, seen.points, np.nan)
+    said = [wholeness(replace(seen, points=points, stated=t)) for t in (0.0, 0.4)]
+    assert not said[0].doubt[7].any(), "nothing tells how wide it is due"
+    assert np.all(said[1].doubt[7] > 0.5)
+    assert said[1].thickness == 0.0, "what the rig states was not seen"
+
+
 def test_noise_of_points_and_widths_is_no_cut():
     """Planes through noisy points lie anyhow: whole stripes are then neither moved nor doubted."""
     rng = np.random.default_rng(3)

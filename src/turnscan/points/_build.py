@@ -246,7 +246,7 @@ def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> Lit
     in_parts(part, len(found), _blocks(len(found)))
     return LitPoints(
         grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed,
-        float(np.median(grid.sigma[found])),
+        float(np.median(grid.sigma[found])), sheet.thickness or 0.0,
     )  # fmt: skip
 
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtr
 
 from turnscan.arrays import Bools, Floats
 from turnscan.threads import in_parts
@@ -40,8 +39,10 @@ _UNLIKE = 5.0
 """A surface is so many times as bright as the other at most; beyond that it is no stripe."""
 _TOGETHER = 64
 """Steps whose widths are judged at a time."""
-_AT = np.linspace(-3.0, 3.0, 61)
-"""Thicknesses of the sheet beside its middle at which two surfaces may meet."""
+_SHARP = 0.4
+"""Part of how much the surface bends, a step, within what the sheet reaches, that it may bend
+beyond it, to one side at least: a round one goes on to bend, a crease does not. In finer steps
+more profiles say whether it is round."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +90,11 @@ def creased(
     the other tells where they meet, and so do the surfaces beside if they go on flat: ``folded``
     gives what `_wholeness_kernels.folded` says of those so many steps off, for the steps from one
     to before another. The mean of both counts, and their difference is doubted. Where the surfaces
-    beside are not known, and over long steps (`KNOWN`), nothing is moved. The centre may be off by
-    as much as 4 f (1 − f) of the most, f being that way. Profiles are looked at as far off as the
-    sheet reaches, over what is linked. A surface that goes on flat changes its width, too, as the
-    table turns it to the light: no more counts than ``apart`` (s, n) px says of the surfaces so
-    many steps off, in the light of the point's own step.
+    beside are not known or go on to bend (`_sharp`), and over long steps (`KNOWN`), nothing is
+    moved. The centre may be off by as much as 4 f (1 − f) of the most, f being that way. Profiles
+    are looked at as far off as the sheet reaches, over what is linked. A surface that goes on flat
+    changes its width, too, as the table turns it to the light: no more counts than ``apart`` (s, n)
+    px says of the surfaces so many steps off, in the light of the point's own step.
     """
     if not thickness > 0:
         return None
@@ -116,7 +117,8 @@ def creased(
         _raise(unsure, width, sides, held, differ)
         if far == clear:
             fine = fineness(of.arcs, thickness)
-            known = (fine >= 1.0) | (fine >= KNOWN) & _whole_beside(width, clear)
+            sure = _whole_beside(width, clear) & _sharp(walk, clear)
+            known = (fine >= 1.0) | (fine >= KNOWN) & sure
             known &= held[0] & held[1] & turned
             back = _put_back(of, known, differ, clear, folded)
     shift, own = back
@@ -165,6 +167,16 @@ def _whole_beside(width: Floats, far: int) -> Bools:
         return np.asarray(~((np.abs(beyond - one) > most) | (np.abs(before - other) > most)))
 
 
+def _sharp(walk: Floats, far: int) -> Bools:
+    """(s, n) True where the surface bends within ``far`` steps to both sides of a point, and goes
+    on flat beyond them, to one side at least, as the ``walk`` of each point says."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bend = np.log(walk[0] / walk[1])
+        beyond = np.fmin(*(np.abs(np.roll(bend, k, axis=0)) for k in (far + 1, -far - 1)))
+        here = np.abs(sum(np.roll(bend, k, axis=0) for k in range(-far, far + 1)))
+        return np.asarray(~(beyond > _SHARP * here / (2 * far + 1)))
+
+
 def _raise(
     out: Floats, width: Floats, sides: list[Floats], held: list[Bools], apart: Floats
 ) -> None:
@@ -200,11 +212,13 @@ def _pulls(
     ``at`` are the m places, ``planes`` (5, m) what `_wholeness_kernels.folded` says of them: how
     the table turns what is beside to the light. With the sheet in units of its thickness, surfaces
     of widths a below k and b above it, the latter v times as bright, have the light Φ(k) + v Φ(−k),
-    the centre and the width of two lines that meet at k. The k at which the width is the stripe's
-    own is taken.
+    the centre and the width of two lines that meet at k (`_wholeness_kernels.crease`). The k at
+    which the width is the stripe's own is taken.
     """
     beside = [((at[0] + sign * far) % len(of.width), at[1]) for sign in (1, -1)]
     one, other = (of.width[k] for k in beside)
+    from turnscan.points import _wholeness_kernels as kernels
+
     # Beside, and as the table turns it: what is true of one alone is chance.
     bent = _some(of.width[at], one, other, apart)
     one, other = one * planes[1], other * planes[2]
@@ -222,11 +236,8 @@ def _pulls(
     with np.errstate(invalid="ignore", divide="ignore"):
         v = np.where(first, lit[0] / lit[1], lit[1] / lit[0])
     v = np.clip(np.nan_to_num(v, nan=1.0), 1.0 / _UNLIKE, _UNLIKE)
-    centre, width = _two_lines(
-        np.minimum(one, other)[:, None], np.maximum(one, other)[:, None], v[:, None]
-    )
-    like = np.argmin(np.abs(width - own[:, None]), axis=1)
-    out[bent] = np.nan_to_num(side) * centre[np.arange(len(like)), like]
+    off = kernels.told_by_width(np.minimum(one, other), np.maximum(one, other), v, own)
+    out[bent] = np.nan_to_num(side) * off
     return out
 
 
@@ -234,18 +245,3 @@ def _some(width: Floats, one: Floats, other: Floats, apart: Floats) -> Bools:
     """(m,) True where stripes so wide have come some of the way of `_between`."""
     f, differ = _between(width, one, other, apart)
     return np.asarray((f > 0.0) & (f < 1.0) & (differ > 0.0))
-
-
-def _two_lines(narrow: Floats, wide: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """(m, k) px: how far the centre of a sheet's light on two lines is off that of its middle, and
-    how wide it is, where they meet at each of `_AT`; of ``v`` (m, 1) times as much light on the
-    line that makes it ``wide`` (m, 1) px as on that which makes it ``narrow`` (m, 1) px."""
-    k, below = _AT, ndtr(_AT)
-    ridge = np.exp(-0.5 * k * k) / np.sqrt(2 * np.pi)
-    light = below + v * (1 - below)
-    first = narrow * (-ridge - k * below) + v * wide * (ridge - k * (1 - below))
-    second = narrow**2 * ((1 + k * k) * below + k * ridge)
-    second = second + v * wide**2 * ((1 + k * k) * (1 - below) - k * ridge)
-    centre = first / light
-    width = np.sqrt(np.maximum(second / light - centre**2, 0.0))
-    return centre + np.where(k > 0, narrow * k, wide * k), width

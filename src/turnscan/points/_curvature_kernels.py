@@ -18,6 +18,9 @@ _MOST_SHORT = 64
 _REACHED = 0.5
 """Part of the span that the curve reaches to either side at least. Of points closer together noise
 makes a curvature that moves the centre by more than the noise itself."""
+_LONG, _SEVERAL = 0.5, 4
+"""Part of the way to one end of a curve that one of its steps may be long, where they are so many
+at least."""
 _LOPSIDED = 1.5
 """The one side may be so many times as long as the other."""
 _STRAIGHT = 0.3
@@ -104,7 +107,7 @@ def shifts(
                     _from(here, _at(points, (k - m) % s, j)),
                     _from(here, _at(points, (k + m) % s, j)),
                 )
-            if _short(a, b, _REACHED * span):
+            if _short(a, b, _REACHED * span) or (m >= _SEVERAL and _jumps(points, k, j, m)):
                 continue
             sight = _from(here, eye)
             one, other = _shift(
@@ -113,6 +116,23 @@ def shifts(
             if not np.isnan(one):
                 curve[k, j], slant[k, j], over[k, j] = one, other, m
     return curve, slant, over
+
+
+@njit(cache=True, nogil=True)
+def _jumps(points: Floats, k: int, j: int, m: int) -> bool:
+    """Whether one step of those from ``m`` before to m after a point is as long as half of the way
+    to one end: on a thin body beside the axis the far side may lie between."""
+    s = len(points)
+    for sign in (1, -1):
+        end = _from(_at(points, k, j), _at(points, (k + sign * m) % s, j))
+        most = _LONG**2 * _dot(end, end)
+        for i in range(m):
+            a, b = (k + sign * i) % s, (k + sign * (i + 1)) % s
+            step = _from(_at(points, a, j), _at(points, b, j))
+            # NaN, where one is missing, is a gap as well.
+            if not _dot(step, step) <= most:
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -81,6 +81,9 @@ _SURE_FAR = 0.2
 """… and so far off, stripes that are fainter as well are cut where they differ by more."""
 _FEWEST_LINES, _MOST_LINES = 4, 200
 """Lines that such a stretch is long to either side, at least and at most."""
+_SURE_ALONE, _SURE_STILL, _DIM = 0.25, 0.7, 0.5
+"""The same where no profile beside tells how the surface lies, against one that faces the camera;
+where no turn moves a point; and the part of the usual light, for its width, below which …"""
 _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
@@ -110,6 +113,8 @@ class LitPoints:
     closed: bool
     noise: float = 0.0
     """mm: how far noise usually moves a point."""
+    stated: float = 0.0
+    """mm rms: how thick the rig says that the sheet is; 0 where it does not."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +175,7 @@ def _lying(
     slide = np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1]))
     side = side.copy()  # not a part of all three, which would be kept with it
     walk = np.stack([_steady(w) for w in walk])
-    due_on, thickness, told = _due(walk, width)
+    due_on, thickness, told = _due(walk, width, light.stated)
     flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
     bent = creased(
@@ -210,7 +215,40 @@ def _lying(
     in_parts(part, size, -(-size // _TOGETHER))
     glow = _runs_of(glow, dim)
     still = np.isinf(walk).any(axis=0)
-    return Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0), thickness, still
+    ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
+    lone = (np.isnan(walk).all(axis=0) | (ends & np.isnan(flat)).any(axis=0)) & ~still
+    doubt = np.maximum(doubt, _unknown(light, (width, bright), (lone, still), thickness, due_on))
+    own = Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0)
+    return own, thickness, still
+
+
+def _unknown(
+    light: LitPoints,
+    lit: tuple[Floats, Floats],
+    which: tuple[Bools, Bools],
+    thickness: float,
+    due_on: Callable[[Floats], Floats],
+) -> Floats:
+    """(s, n) px that stripes may be off of whose surface nothing beside tells how it lies.
+
+    A face that is narrower than the sheet, as the edge of a plate, is lit by a part of it that may
+    lie far off its middle. Its stripe is narrower than one on a surface that faces the camera, and
+    so is a whole one only on a surface that the camera grazes; or there is less light in it.
+    """
+    (width, bright), (lone, still) = lit, which
+    out, at = np.zeros_like(width), np.nonzero((lone | still) & (width > 0))
+    if not (thickness > 0 and len(at[0])):
+        return out
+    ray, move = light.points[at] - light.eyes[at[0]], light.moves[at]
+    away = move - ray * (np.sum(ray * move, axis=1) / np.sum(ray * ray, axis=1))[:, None]
+    facing = np.abs(np.sum(light.sheets[at] * away, axis=1))
+    due = due_on(np.tile(facing, (2, 1, 1)))[0, 0]
+    due = np.where(np.isnan(due), thickness / facing, due)
+    ratio, whole = np.minimum(width[at] / due, 1.0), width * bright
+    flux = whole[at] / (np.nanmedian(whole) * ratio)
+    narrow = np.where(lone[at], _bias(ratio, _SURE_ALONE), _bias(ratio, _SURE_STILL))
+    out[at] = np.nan_to_num(np.maximum(narrow, np.where(flux < _DIM, _missing(flux), 0.0)) * due)
+    return out
 
 
 def _runs_of(glow: Bools, dim: Bools) -> Bools:
@@ -309,13 +347,17 @@ def _lacking(flux: Floats, first: Bools) -> Floats:
     Where other surfaces throw light beside it, or a second one is grazed, a cut stripe is as wide
     as a whole one. Of a Gaussian of which a part f is left the centre is φ(c)/f off, c = Φ⁻¹(f).
     """
-    from scipy.special import ndtri
-
     with np.errstate(invalid="ignore", divide="ignore"):
         left = flux / np.where(first, np.roll(flux, -1, 0), np.roll(flux, 1, 0))
+    return np.asarray(np.where(left < _WHOLE, _missing(left), 0.0))
+
+
+def _missing(left: Floats) -> Floats:
+    """By how many of its widths a stripe may be off of whose light such a part is left."""
+    from scipy.special import ndtri
+
     f = np.clip(np.nan_to_num(left, nan=1.0), _FAINTEST, _WHOLE)
-    off = np.exp(-0.5 * ndtri(f) ** 2) / (np.sqrt(2 * np.pi) * f)
-    return np.asarray(np.where(f < _WHOLE, _LACKING * off, 0.0))
+    return np.asarray(_LACKING * np.exp(-0.5 * ndtri(f) ** 2) / (np.sqrt(2 * np.pi) * f))
 
 
 def _steady(width: Floats) -> Floats:
@@ -511,7 +553,9 @@ def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], f
     return out
 
 
-def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float, bool]:
+def _due(
+    walk: Floats, width: Floats, stated: float
+) -> tuple[Callable[[Floats], Floats], float, bool]:
     """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light, how
     thick the sheet is, mm rms, and whether slopes told that from a blur.
 
@@ -521,7 +565,7 @@ def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float
     """
     smooth = np.nonzero(_smooth(walk, width))
     if len(smooth[0]) < _FEW:
-        return lambda other: np.full(other.shape, np.nan), 0.0, False
+        return lambda other: np.full(other.shape, np.nan), stated, False
     some = tuple(index[:: -(-len(index) // _MANY)] for index in smooth)
     on, lit = np.stack([w[some] for w in walk]), width[some]
     x, y = 1.0 / on.mean(axis=0) ** 2, lit**2
@@ -536,7 +580,7 @@ def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float
     scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
     thickness = float(np.sqrt(slope))
     if scatter > _VARIES:
-        return lambda other: np.full(other.shape, np.nan), 0.0, False
+        return lambda other: np.full(other.shape, np.nan), stated, False
     more = np.exp(usual)[:, None, None]
 
     def due(other: Floats) -> Floats:

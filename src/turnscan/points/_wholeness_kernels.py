@@ -28,6 +28,9 @@ _ALONG = 4.0
 """Usual ways that two points of a profile may lie apart on one surface."""
 _TAIL = 3.0
 """Thicknesses of the sheet beyond its middle as far as a tail of its light is seen."""
+_MEET, _MEET_AT = 30, 3.0
+"""Places to either side of the sheet's middle at which two surfaces may meet, and thicknesses of
+the sheet from there to the last."""
 
 
 @njit(cache=True, nogil=True)
@@ -142,6 +145,21 @@ def _normal(points: Floats, k: int, m: int, j: int, sign: float) -> tuple[bool, 
 
 
 @njit(cache=True, nogil=True)
+def _linked(points: Floats, arc: Floats, k: int, j: int, sign: int, closed: bool) -> int:
+    """The next step in a direction, if its point may lie on one surface with that of (k, j); else
+    −1."""
+    s = len(points)
+    m = k + sign
+    if closed:
+        m %= s
+    if m < 0 or m >= s:
+        return -1
+    step = way(points, k, j, m, j)
+    # NaN, where one is missing, is no neighbour either.
+    return m if np.sqrt(dot(step, step)) <= _LINKED * arc[k, j] else -1
+
+
+@njit(cache=True, nogil=True)
 def beside(
     points: Floats, k: int, j: int, sign: int, arc: Floats, least: float, closed: bool
 ) -> tuple[int, bool]:
@@ -149,17 +167,11 @@ def beside(
 
     Without one the last step that is linked; −1 where the very next is no neighbour.
     """
-    s = len(points)
     last = -1
     m = k
     for _ in range(_FAR):
-        before, m = m, m + sign
-        if closed:
-            m %= s
-        if m < 0 or m >= s or m == k or np.isnan(points[m, j, 0]):
-            break
-        step = way(points, before, j, m, j)
-        if np.sqrt(dot(step, step)) > _LINKED * arc[before, j]:
+        m = _linked(points, arc, m, j, sign, closed)
+        if m < 0 or m == k:
             break
         last = m
         gap = way(points, k, j, m, j)
@@ -229,29 +241,21 @@ def across(
 
 @njit(cache=True, nogil=True)
 def _plane_beside(
-    places: Places, at: tuple[int, int], sign: int, limits: Pair, closed: bool, far: int
+    places: Places, at: tuple[int, int], sign: int, least: float, closed: bool, far: int
 ) -> tuple[bool, int, Vector]:
-    """Whether the profiles ``far`` and one more steps off, in a direction, are linked to a point,
-    the step of the nearer, and the normal (any sign, unit) of the plane through both.
-
-    ``limits``: mm that the two lie apart at least, and usual arcs that neighbours do at most.
-    """
+    """Whether the profiles ``far`` and one more steps off, in a direction, are linked to a point
+    and lie ``least`` mm apart, the step of the nearer, and the normal (any sign, unit) of the plane
+    through both."""
     points, _, _, arc = places
-    (s, _, _), (k, j) = points.shape, at
-    m, o = k + sign * far, k + sign * (far + 1)
-    nothing = (0.0, 0.0, 0.0)
-    if not closed and (o < 0 or o >= s):
-        return False, -1, nothing
-    m, o = m % s, o % s
-    for i in range(far + 1):
-        a, b = (k + sign * i) % s, (k + sign * (i + 1)) % s
-        step = way(points, a, j, b, j)
-        # NaN, where one is missing, is no neighbour either.
-        if not np.sqrt(dot(step, step)) <= limits[1] * arc[a, j]:
-            return False, -1, nothing
+    o, j = at
+    m = o
+    for _ in range(far + 1):
+        m, o = o, _linked(points, arc, o, j, sign, closed)
+        if o < 0:
+            return False, -1, (0.0, 0.0, 0.0)
     gap = way(points, m, j, o, j)
-    if not np.sqrt(dot(gap, gap)) >= limits[0]:
-        return False, -1, nothing
+    if not np.sqrt(dot(gap, gap)) >= least:
+        return False, -1, (0.0, 0.0, 0.0)
     there, normal = _normal(points, m, o, j, float(sign))
     return there, m, normal
 
@@ -275,13 +279,13 @@ def further_in(
     the steps of a ``span``; NaN stays where one on the way is no neighbour, or the two are less
     than ``least`` mm apart.
     """
-    places, limits = (points, eyes, sheets, arc), (least, _LINKED)
+    places = points, eyes, sheets, arc
     for k in range(span[0], span[1]):
         for hand in range(2):
             for j in range(points.shape[1]):
                 if np.isnan(points[k, j, 0]):
                     continue
-                there, _, normal = _plane_beside(places, (k, j), 1 - 2 * hand, limits, closed, far)
+                there, _, normal = _plane_beside(places, (k, j), 1 - 2 * hand, least, closed, far)
                 if not there:
                     continue
                 ray, move = _ray(points, eyes, k, j), _at(moves, k, j)
@@ -290,9 +294,9 @@ def further_in(
 
 
 @njit(cache=True, nogil=True)
-def _crease_pulls(k: float, high: Vector, low: Vector) -> float:
+def crease(k: float, high: Vector, low: Vector) -> Pair:
     """px that the centre of a sheet's light is off that of its middle on two lines that meet ``k``
-    thicknesses beside it.
+    thicknesses beside it, and how wide it is, px rms.
 
     Of each, that above k and that below: px for a thickness, px at the sheet's middle, and light.
     """
@@ -302,7 +306,29 @@ def _crease_pulls(k: float, high: Vector, low: Vector) -> float:
     light = low[2] * below + high[2] * above
     first = low[2] * (low[1] * below - low[0] * ridge)
     first += high[2] * (high[1] * above + high[0] * ridge)
-    return float(first / light - (low[1] if k > 0.0 else high[1]))
+    second = low[1] ** 2 * below - 2.0 * low[0] * low[1] * ridge + low[0] ** 2 * (below - k * ridge)
+    second *= low[2]
+    more = high[1] ** 2 * above + 2.0 * high[0] * high[1] * ridge
+    second += high[2] * (more + high[0] ** 2 * (above + k * ridge))
+    centre = first / light
+    width = np.sqrt(max(second / light - centre**2, 0.0))
+    return centre - (low[1] if k > 0.0 else high[1]), width
+
+
+@njit(cache=True, nogil=True)
+def told_by_width(narrow: Floats, wide: Floats, bright: Floats, own: Floats) -> Floats:
+    """(m,) px that the centre of a sheet's light is off on two lines that make it ``narrow`` and
+    ``wide`` (m,) px, towards the latter, which sends ``bright`` (m,) times as much of it: where
+    they meet so that it is about as wide as its ``own`` (m,) px."""
+    out = np.empty(len(own))
+    for i in range(len(own)):
+        nearest, n, w = np.inf, narrow[i], wide[i]
+        for step in range(-_MEET, _MEET + 1):
+            k = step * _MEET_AT / _MEET
+            centre, width = crease(k, (w, -w * k, bright[i]), (n, -n * k, 1.0))
+            if abs(width - own[i]) < nearest:
+                nearest, out[i] = abs(width - own[i]), centre
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -330,14 +356,14 @@ def folded(
     one on the way is no neighbour, where the two of a side are less than ``least`` mm apart, or
     where both sides lie on one of the sheet.
     """
-    places, limits = (points, eyes, sheets, arc), (least, _LINKED)
+    places = points, eyes, sheets, arc
     thickness, far = sheet
     for k in range(span[0], span[1]):
         for j in range(points.shape[1]):
             if np.isnan(points[k, j, 0]):
                 continue
-            after = _plane_beside(places, (k, j), 1, limits, closed, far)
-            before = _plane_beside(places, (k, j), -1, limits, closed, far)
+            after = _plane_beside(places, (k, j), 1, least, closed, far)
+            before = _plane_beside(places, (k, j), -1, least, closed, far)
             if not after[0] or not before[0]:
                 continue
             m, o = after[1], before[1]
@@ -352,7 +378,7 @@ def folded(
             first = (one[0] * thickness, one[1], one[2])
             second = (other[0] * thickness, other[1], other[2])
             high, low = (first, second) if dot(normal, to) > 0.0 else (second, first)
-            out[0, k - span[0], j] = _crease_pulls(meet, high, low)
+            out[0, k - span[0], j] = crease(meet, high, low)[0]
             own = _line_on(
                 after[2], to, _ray(points, eyes, m, j), _at(moves, m, j), _at(sheets, m, j)
             )
