@@ -195,7 +195,7 @@ def test_what_is_wrong_with_the_line_is_said(
 
 
 @pytest.mark.parametrize("wall", [(1.0, 0.95, 0.9), (0.75, 0.9, 1.0)], ids=["warm", "blue"])
-def test_a_weak_line_in_a_lit_room_is_told_from_the_part_by_its_colour(
+def test_a_weak_line_in_a_lit_room_is_distinguished_from_the_part_by_its_colour(
     tmp_path: Path, wall: tuple[float, float, float]
 ) -> None:
     """Of a blue part the light that moves is blue, whatever colour the line has."""
@@ -316,7 +316,7 @@ def test_pictures_of_another_stage_or_kind_are_refused(
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_a_part_on_the_table_is_told_from_an_empty_platter(
+def test_a_part_on_the_table_is_distinguished_from_an_empty_platter(
     tmp_path: Path, turning: str, stands: bool
 ) -> None:
     """The line on an empty platter stays where it is, whichever way the table is turned."""
@@ -356,7 +356,7 @@ def stages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {name: folder_of(root / name, drawn, 4) for name, drawn in kinds.items()}
 
 
-def test_a_jump_of_the_table_is_told_with_the_names_of_its_pictures() -> None:
+def test_a_jump_of_the_table_is_stated_with_the_names_of_its_pictures() -> None:
     angles = np.radians(STEP) * np.arange(30.0)
     angles[17:] += np.radians(5.0)
     names = [f"step_{k:02d}.jpg" for k in range(30)]
