@@ -9,8 +9,9 @@ scans a part so many times and tells how often its sizes keep their uncertainty;
 is one scan by so many calibrations from drawn corners and stripes, which take seconds, not minutes;
 ``--pictures 8,8,12 24,16,24`` draws so many boards held freely, under the laser and on the table,
 each in turn; ``--keep FOLDER``
-keeps the scans there and finds them again; ``--freeform`` tells what is invented on a dense mesh of
-which nothing is a shape, and how long that takes.
+keeps the scans there and finds them again; ``--plain`` takes the mesh as an STL holds it, without
+sigmas; parts without sizes, such as ``head``, can be named, too; ``--freeform`` tells what is
+invented on a dense mesh of which nothing is a shape, and how long that takes.
 """
 
 from __future__ import annotations
@@ -116,6 +117,8 @@ class Task:
     """Seed of a calibration from drawn corners and stripes (`_drawn`)."""
     pictures: tuple[int, int, int] = VIEWS
     """That those stand for."""
+    plain: bool = False
+    """Whether the mesh is taken without what a scan says of its points."""
 
     @property
     def spec(self) -> SimulationSpec:
@@ -128,6 +131,7 @@ class Task:
         more = ", rig calibrated" if self.calibrated else ""
         if self.drawn is not None:
             more = f", rig by {' + '.join(map(str, self.pictures))} drawn boards"
+        more += ", as STL" if self.plain else ""
         return f"{self.steps} steps{more}" + (f", seed {self.seed}" if self.seed != 1 else "")
 
 
@@ -154,6 +158,8 @@ def found_on(task: Task, folder: Path) -> Found:
     grids = to_grids(seen, wanted).grids
     mesh = to_mesh(grids, wanted, rig=believed).mesh
     moves = list(calibration_moves(mesh, source_of(grids, believed)))
+    if task.plain:
+        mesh, moves = Mesh(mesh.vertices.astype(np.float32).astype(float), mesh.faces), []
     start = time.process_time()
     found = find_shapes(mesh, moves=moves)
     sizes = sizes_between(mesh, found)
@@ -176,7 +182,7 @@ def measured_part(task: Task, folder: Path) -> list[str]:
     """The lines of a part in the table, and what else there is to say of it, after a scan."""
     f = found_on(task, folder)
     part, place, name = f.made.scene.bodies[0].part, _placed(f), task.part
-    lines = [line for t in TRUTHS[name] for line in _lines(name, t, f.sizes)]
+    lines = [line for t in TRUTHS.get(name, ()) for line in _lines(name, t, f.sizes)]
     near = _near_edges(f.mesh, f.shapes, part, place)
     edges = [] if near is None else [near.line(name)]
     rest = _rest(name, f.shapes, f.mesh, part, place, f.spent)
@@ -390,15 +396,18 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
     parser.add_argument("--write", action="store_true", help="put the table into the page")
+    parser.add_argument("--plain", action="store_true", help="the mesh as an STL holds it")
     parser.add_argument("--freeform", action="store_true", help="a dense mesh without shapes")
     args = parser.parse_args()
     if args.freeform:
         _freeform()
         return
+    if args.plain and args.write:
+        parser.error("the pages' rows are of scans, not of files without sigmas")
     tasks = [
         Task(name, args.rig, args.calibrated, args.seed, args.steps, args.seed, _pictures(text))
         if args.drawn
-        else Task(name, args.rig, args.calibrated, args.seed, args.steps)
+        else Task(name, args.rig, args.calibrated, args.seed, args.steps, plain=args.plain)
         for name in args.parts or PARTS
         for text in (args.pictures if args.drawn else args.pictures[:1])
     ]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.shapes.solids import averaged, turned
+from tests.shapes.solids import averaged, noisy, prism, turned
+from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import find_shapes
 from turnscan.shapes.primitives._regions import prepared
 
@@ -34,3 +37,43 @@ def test_how_much_of_the_curvature_is_noise_does_not_jump() -> None:
     assert known[0] > 0.9
     assert known[-1] == pytest.approx(1.0, abs=0.1)
     assert np.abs(np.diff(np.log(known))).max() < 0.12
+
+
+@pytest.mark.parametrize("steps", [24, 60])
+def test_a_coarse_freeform_body_has_no_shape_without_sigma(steps: int) -> None:
+    """Between profiles 8 mm apart all of it curves, which is no noise that a shape may hide in."""
+    for seed in range(3):
+        found = find_shapes(noisy(_head(steps), SIGMA, seed))
+        assert not found.shapes
+        assert SIGMA < found.tolerance < 5 * SIGMA
+
+
+@pytest.mark.parametrize("steps", [24, 200])
+def test_a_coarse_turn_without_sigma_keeps_its_cylinders(steps: int) -> None:
+    for seed in range(3):
+        found = find_shapes(noisy(turned(SHAFT, 0.4, steps), SIGMA, seed))
+        assert found.tolerance < 6 * SIGMA
+        large = [s for s in found.of("cylinder") if s.radius > 15]
+        assert [s.radius for s in large] == [pytest.approx(20.0, abs=0.01)]
+
+
+def test_a_band_no_wider_than_its_points_are_known_is_no_shape() -> None:
+    """The sides of a plate of 6 mm are planes, but not to points that may be 1.5 mm off them."""
+    plate = prism([(0.0, 0.0), (40.0, 0.0), (40.0, 6.0), (0.0, 6.0)], 40, 0.4)
+    mesh = averaged(plate, SIGMA, 1, rounds=0)
+    assert len(find_shapes(mesh).of("plane")) == 4
+    assert mesh.provenance is not None
+    doubt = replace(mesh.provenance, sigma=np.full(len(mesh.vertices), 0.5))
+    planes = find_shapes(replace(mesh, provenance=doubt)).of("plane")
+    assert [s.area > 1000 for s in planes] == [True, True]
+
+
+def _head(steps: int) -> Mesh:
+    """A lumpy wall of so many profiles, open above and below."""
+    turn, z = np.meshgrid(np.arange(steps) * 2 * np.pi / steps, np.arange(0, 80, 0.4))
+    r = 30 + 5 * np.cos(3 * turn + z / 30) + 4 * np.sin(z / 9) + 2 * np.sin(2 * turn - z / 12)
+    X = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1).reshape(-1, 3)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(steps), np.arange(len(z) - 1)))
+    a, b = j * steps + i, j * steps + (i + 1) % steps
+    c, d = a + steps, b + steps
+    return Mesh(X, np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)]))

@@ -26,6 +26,7 @@ from turnscan.shapes.primitives._regions import (
     prepared,
     refit,
     waves,
+    wide,
 )
 from turnscan.shapes.primitives._relations import adopt
 from turnscan.shapes.primitives._shapes import KINDS, Shape, ShapeSet
@@ -113,7 +114,10 @@ def _kept(g: Ground, found: list[Region]) -> tuple[list[Region], Index]:
         label = _settled(g, found)
         owns = [np.flatnonzero(label == k) for k in range(len(found))]
         good = [
-            int(g.firm[own].sum()) >= LEAST[r.kind] and not bent(g, own) and _broad(g, r, own)
+            int(g.firm[own].sum()) >= LEAST[r.kind]
+            and wide(g, own)
+            and not bent(g, own)
+            and _broad(g, r, own)
             for r, own in zip(found, owns, strict=True)
         ]
         if all(good):

@@ -10,6 +10,9 @@ from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.compiled import njit
 from turnscan.shapes.primitives._surface_kernels import at, lean
 
+_STRAIGHT = 0.85
+"""Cosine of how far a line of neighbours may turn at a vertex."""
+
 
 class Neighbourhood(NamedTuple):
     """The vertices of a mesh as growing sees them; numba takes it as a tuple of arrays."""
@@ -134,6 +137,81 @@ def scatter(vertices: Floats, normals: Floats, start: Longs, near: Ints) -> tupl
         off[i] = s / many / np.sqrt(1.0 + 1.0 / many)
         turn[i] = most
     return off, turn
+
+
+@njit(cache=True, nogil=True)
+def _onward(vertices: Floats, start: Longs, near: Ints, before: int, here: int) -> int:
+    """The neighbour that goes straight on from ``before`` over ``here``; -1 where none does."""
+    best, k = _STRAIGHT, -1
+    ax, ay, az = vertices[here] - vertices[before]
+    long = np.sqrt(ax * ax + ay * ay + az * az)
+    for e in range(start[here], start[here + 1]):
+        bx, by, bz = vertices[near[e]] - vertices[here]
+        size = long * np.sqrt(bx * bx + by * by + bz * bz)
+        c = (ax * bx + ay * by + az * bz) / max(size, 1e-300)
+        if c > best:
+            best, k = c, near[e]
+    return k
+
+
+@njit(cache=True, nogil=True)
+def _off_cubic(s: Floats, w: Floats) -> float:
+    """Root mean square of what values ``w`` at places ``s`` stand off their cubic, for each degree
+    of freedom that is left."""
+    basis = np.empty((4, len(s)))
+    for j in range(4):
+        basis[j] = (2.0 * (s - s[0]) / max(s[-1] - s[0], 1e-300) - 1.0) ** j
+        for i in range(j):
+            basis[j] -= (basis[j] @ basis[i]) * basis[i]
+        basis[j] /= max(np.sqrt(basis[j] @ basis[j]), 1e-300)
+    rest = w.copy()
+    for j in range(4):
+        rest -= (rest @ basis[j]) * basis[j]
+    return float(np.sqrt((rest @ rest) / (len(s) - 4)))
+
+
+@njit(cache=True, nogil=True)
+def off_lines(
+    seeds: Longs, many: int, vertices: Floats, normals: Floats, start: Longs, near: Ints
+) -> Floats:
+    """(n,) mm: how far lines of ``many`` vertices stand off smooth ones, root mean square.
+
+    Each goes straight on from neighbour to neighbour, both ways from a seed and the nearest of its
+    neighbours: along the stripes of a scan, where these lie further apart than the points on them.
+    NaN where no such line goes on.
+    """
+    out = np.full(len(seeds), np.nan)
+    half = many // 2
+    line = np.empty(2 * half, dtype=np.int64)
+    s, w = np.empty(2 * half), np.empty(2 * half)
+    for i in range(len(seeds)):
+        seed, next_, least = seeds[i], -1, np.inf
+        for e in range(start[seed], start[seed + 1]):
+            gap = vertices[near[e]] - vertices[seed]
+            if gap @ gap < least:
+                least, next_ = gap @ gap, near[e]
+        line[half - 1], line[half] = seed, next_
+        k = 0 if next_ >= 0 else -1
+        for j in range(1, half):
+            if k >= 0:
+                k = _onward(vertices, start, near, line[half - 2 + j], line[half - 1 + j])
+                line[half + j] = k
+            if k >= 0:
+                k = _onward(vertices, start, near, line[half + 1 - j], line[half - j])
+                line[half - 1 - j] = k
+        if k < 0:
+            continue
+        n = np.zeros(3)
+        for vertex in line:
+            n += normals[vertex]
+        n /= max(float(np.sqrt(n @ n)), 1e-300)
+        s[0] = 0.0
+        for j in range(2 * half):
+            gap = vertices[line[j]] - vertices[line[max(j - 1, 0)]]
+            s[j] = s[max(j - 1, 0)] + np.sqrt(gap @ gap)
+            w[j] = (vertices[line[j]] - vertices[line[0]]) @ n
+        out[i] = _off_cubic(s, w)
+    return out
 
 
 @njit(cache=True, nogil=True)

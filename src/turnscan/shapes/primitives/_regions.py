@@ -8,6 +8,7 @@ its points miss it by is noise. A region counts where both, `excess` and `patter
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,15 @@ _CURVED = (1.2, 1.7)
 """Vertices that scatter so many times as much with the curvature as without it lie close together
 on the surface, and so many times as far apart: then the curvature is no noise. Between the two, a
 part of it is."""
+_LINES, _LONG, _ENOUGH = 2000, (10, 20), 50
+"""Lines of vertices that noise is asked of, about; vertices on each, in turn; and how many lines
+must go on so far, straight over the mesh."""
+_BENDS = 3.0
+"""Times as much that a longer line stands off where the surface bends; noise that neighbours share
+gives up to 2.2."""
+_FOLLOWED = 1.3
+"""Noise of points over what lines of them stand off their cubics, which follow some of it. Points
+of simulated planes, cylinders and tori miss these by 1.1 to 1.5 times as much."""
 _TWICE = 1.2582
 """Deviation of independent noise less the mean of its neighbours, taken twice, over once."""
 _PATTERN = 0.15
@@ -98,6 +108,9 @@ _POOR, _FEW, _MANY = 1.8, 8, 4
 """Usual sigmas from which a region is known badly, and the stripes that it then needs: bands of
 three to five of them stand beside edges of scans where nothing is, up to 2 mm off the part. A scan
 of less than four times as many stripes has no more of them on a whole face."""
+_WIDE = 5.0
+"""Times three standard deviations that a region must be wide: narrower bands lie on anything. Bands
+of edges that are known to a millimetre have up to 3.3, shapes of scans 20 and more."""
 _FIRM = 0.65
 """Share of a region's points that must not be doubtful: stripes that an edge bends lie on smooth
 bands, too, across the corners of keyways and beside silhouettes. Those have up to 0.55 of them."""
@@ -166,8 +179,14 @@ class Region:
         return _SIMPLEST.index(self.kind)
 
 
-def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Ground:
-    """A mesh ready for growing; ``sigma`` (v,) mm of its points, ``tolerance`` mm if given."""
+def prepared(
+    mesh: Mesh, sigma: Floats | None, tolerance: float | None, swept: bool = False
+) -> Ground:
+    """A mesh ready for growing; ``sigma`` (v,) mm of its points, ``tolerance`` mm if given.
+
+    ``swept`` for a search that averages over places some neighbours wide: what the surface does
+    between neighbours counts as noise then.
+    """
     X = mesh.vertices
     start, near = region.neighbours(mesh.faces, len(X))
     raw = np.nan_to_num(vertex_normals(mesh))
@@ -178,15 +197,12 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     normals = region.smoothed(raw, start, near, rounds)
     off, turn = region.scatter(X, normals, start, near)
     size = float(np.linalg.norm(np.ptp(X, axis=0)))
-    noise = _usual(off)
-    if sigma is not None:
-        flat = _without_curvature(off, tail, near)
-        even = max(_usual(flat), 1e-300)
-        share = float(np.clip((noise / even - _CURVED[0]) / (_CURVED[1] - _CURVED[0]), 0.0, 1.0))
-        off = off + share * (flat - off)
-        noise = _usual(off)
-    noise = max(noise, 1e-5 * size)
-    scale = np.full(len(X), noise) if sigma is None else np.maximum(sigma, noise)
+    if sigma is not None or not swept:
+        off = _less_curved(off, tail, near)
+    lines = (math.nan, math.nan) if swept else _along_lines(X, normals, start, near)
+    off, noise, alone = _noise(off, lines, sigma is None and not swept)
+    noise, alone = max(noise, 1e-5 * size), max(alone, 1e-5 * size)
+    scale = np.full(len(X), alone) if sigma is None else np.maximum(sigma, noise)
     floor = max(LIMIT * noise, 1e-4 * size)
     limit = np.full(len(X), tolerance) if tolerance else np.maximum(LIMIT * scale, floor)
     if tolerance:
@@ -212,6 +228,56 @@ def _usual(off: Floats) -> float:
     """mm: the noise of vertices that stand (v,) off the mean of their neighbours."""
     seen = np.abs(off[off != 0.0])
     return 1.4826 * float(np.median(seen)) if len(seen) else 0.0
+
+
+def _along_lines(
+    X: Floats, normals: Floats, start: Index, near: npt.NDArray[np.int32]
+) -> tuple[float, float]:
+    """mm: the noise that lines of neighbours have about smooth ones, and as much of it as is surely
+    noise; NaN where there are too few.
+
+    Neighbours on a line lie closer than those across it where the turn is coarse, so that a cubic
+    takes what the surface does; and noise that a few neighbours share is seen, too. What stands off
+    far more than a line of half its length may bend as no cubic does.
+    """
+    seeds = np.arange(0, len(X), max(1, len(X) // _LINES))
+    known = list[float]()
+    for many in _LONG:
+        off = region.off_lines(seeds, many, X, normals, start, near)
+        off = off[np.isfinite(off)]
+        if len(off) < _ENOUGH:
+            return math.nan, math.nan
+        known.append(_FOLLOWED * float(np.median(off)))
+    short, long = known
+    return long, long if long <= _BENDS * short else short
+
+
+def _noise(off: Floats, lines: tuple[float, float], unknown: bool) -> tuple[Floats, float, float]:
+    """What vertices stand off their neighbours (v,) mm, the noise that these differ by, and all of
+    it; ``lines`` have so much of it, and surely so much (`_along_lines`).
+
+    What neighbours differ by beyond that is what the surface does between them. Where sigma is
+    ``unknown`` each counts as if neighbours shared none of theirs; nowhere more than in the middle:
+    what is rougher may be freeform as well, and nothing tells.
+    """
+    noise = _usual(off)
+    most, sure = lines
+    if most < noise:
+        off, noise = off * (most / noise), most
+    alone = noise if math.isnan(sure) else max(noise, sure)
+    if unknown:
+        middle = alone / 1.4826
+        off = np.clip(off * (alone / max(noise, 1e-300)), -middle, middle)
+    return off, noise, alone
+
+
+def _less_curved(off: Floats, tail: Index, near: npt.NDArray[np.int32]) -> Floats:
+    """(v,) How vertices stand off the mean of their neighbours, with as much of the curvature taken
+    off as these are far apart on the surface."""
+    flat = _without_curvature(off, tail, near)
+    ratio = _usual(off) / max(_usual(flat), 1e-300)
+    share = float(np.clip((ratio - _CURVED[0]) / (_CURVED[1] - _CURVED[0]), 0.0, 1.0))
+    return np.asarray(off + share * (flat - off))
 
 
 def _without_curvature(off: Floats, tail: Index, near: npt.NDArray[np.int32]) -> Floats:
@@ -515,6 +581,13 @@ def bent(g: Ground, member: Index) -> bool:
 def poor(g: Ground, member: Index) -> bool:
     """Whether members are known worse than most of the part."""
     return float(np.median(g.scale[member])) > _POOR * g.usual
+
+
+def wide(g: Ground, member: Index) -> bool:
+    """Whether members cover a band that is much wider than what each is known to."""
+    X = g.vertices[member]
+    long = math.sqrt(12.0 * float(np.linalg.eigvalsh(np.cov(X.T))[-1]))
+    return float(g.area[member].sum()) >= _WIDE * LIMIT * float(np.median(g.scale[member])) * long
 
 
 def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:

@@ -132,7 +132,7 @@ def turned_about(mesh: Mesh, moves: Iterable[Floats] = ()) -> Turned:
     inside = np.zeros(len(mesh.vertices), dtype=np.bool_)
     inside[mesh.faces[whole]] = True
     part = mesh if whole.all() and inside.all() else submesh(mesh, whole)
-    ground = prepared(part, sigma_of(part), None)
+    ground = prepared(part, sigma_of(part), None, swept=True)
     fit = _Fit(part.vertices, ground.normals, ground.scale, ground.area)
     for h in _sizes(ground.size, ground.spacing):
         fit.settle(h)

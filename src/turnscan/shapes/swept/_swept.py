@@ -114,7 +114,7 @@ def _of_piece(mesh: Mesh, own: Bools, moves: Sequence[Floats]) -> Swept | None:
     used[mesh.faces[own]] = True
     vertices = np.flatnonzero(used).astype(np.int64)
     piece = submesh(mesh, own)
-    ground = prepared(piece, sigma_of(piece), None)
+    ground = prepared(piece, sigma_of(piece), None, swept=True)
     fields = [np.asarray(move)[vertices] for move in moves]
     return _turned(piece, ground, vertices, fields) or _extruded(ground, vertices, fields)
 
