@@ -244,6 +244,10 @@ def run(
     with _keep.folder(keep) as folder:
         rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (rigs, steps)
         for one in rows(rigs, steps, folder, only, seeds):
+            if not len(one.single.off):
+                # A plate that lies flat, when it is made to fit, is lower than the platter's margin.
+                print(f"{one.name}, {one.steps} steps: no point was measured; it does not count")
+                continue
             lines = _page.measured([one.line()], "rig known")
             print(lines[0], flush=True)
             found.append(one)
