@@ -245,7 +245,7 @@ def run(
         rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (rigs, steps)
         for one in rows(rigs, steps, folder, only, seeds):
             if not len(one.single.off):
-                # A plate that lies flat, when it is made to fit, is lower than the platter's margin.
+                # A flat plate, made to fit, is lower than the platter's margin.
                 print(f"{one.name}, {one.steps} steps: no point was measured; it does not count")
                 continue
             lines = _page.measured([one.line()], "rig known")
