@@ -213,7 +213,11 @@ def rows(
     every += [] if only or seeds else others(folder)
     for rig, count, (name, path) in product(rigs, steps, every):
         spec = SimulationSpec(str(path), rig, lasers=2, steps=count)
-        yield row(spec, f"{name}, {rig}", folder)
+        one = row(spec, f"{name}, {rig}", folder)
+        if len(one.single.off):
+            yield one
+        else:  # a flat plate, made to fit, is lower than the platter's margin
+            print(f"{one.name}, {count} steps: no point was measured; it does not count")
 
 
 def said(found: Sequence[Row]) -> str:
@@ -244,10 +248,6 @@ def run(
     with _keep.folder(keep) as folder:
         rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (rigs, steps)
         for one in rows(rigs, steps, folder, only, seeds):
-            if not len(one.single.off):
-                # A flat plate, made to fit, is lower than the platter's margin.
-                print(f"{one.name}, {one.steps} steps: no point was measured; it does not count")
-                continue
             lines = _page.measured([one.line()], "rig known")
             print(lines[0], flush=True)
             found.append(one)
