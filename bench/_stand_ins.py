@@ -5,12 +5,42 @@ from __future__ import annotations
 import os
 import queue
 import subprocess
+import sys
 from collections import deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
 
-if TYPE_CHECKING:
-    from bench.virtual import Pipe, Process, World
+from bench.virtual import Pipe, Process, World
+from turnscan.devices import _dialects, _guard
+
+
+@contextmanager
+def installed(world: World) -> Iterator[None]:
+    """The drivers, the link and the guard see this world instead of the real one."""
+    fakes = {
+        "time": SimpleNamespace(monotonic=world.clock, sleep=world.sleep),
+        "threading": Threading(world), "queue": Queues(world),
+        "os": Os(world), "subprocess": Subprocess(world),
+    }  # fmt: skip
+
+    def own_signals(guard: _guard.Guard) -> None:
+        assert world.current is not None
+        world.current.process.guard = guard
+
+    with ExitStack() as stack:
+        for name, module in list(sys.modules.items()):
+            if not name.startswith("turnscan.devices._"):
+                continue
+            for attribute, fake in fakes.items():
+                if getattr(module, attribute, None) is sys.modules[attribute]:
+                    stack.enter_context(mock.patch.object(module, attribute, fake))
+        for module in (_guard, _dialects):
+            stack.enter_context(mock.patch.object(module, "open_port", world.open_port))
+        stack.enter_context(mock.patch.object(_guard, "_own_signals", own_signals))
+        yield
 
 
 class Threading:

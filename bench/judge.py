@@ -24,6 +24,7 @@ from hypothesis import seed as seeded
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
+from bench._stand_ins import installed
 from bench.virtual import Actor, Process, World
 from turnscan.devices import _lit
 from turnscan.devices._guard import LONGEST_LEASE
@@ -464,7 +465,7 @@ class Machine(RuleBasedStateMachine):
         """A board, and a scanner that connects to it."""
         self.bench = Bench(dialect, seed)
         self.stack.callback(self.bench.end)
-        self.stack.enter_context(self.bench.world.installed())
+        self.stack.enter_context(installed(self.bench.world))
         self.bench.scan()
         self._pass(1.0)
 

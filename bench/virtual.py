@@ -9,17 +9,12 @@ process can be killed or stopped between any two of its steps.
 from __future__ import annotations
 
 import heapq
-import sys
 import termios
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from random import Random
-from types import SimpleNamespace
-from unittest import mock
 
 from greenlet import getcurrent, greenlet
 
-from bench import _stand_ins
 from turnscan.devices import _dialects, _guard
 from turnscan.simulate.controllers import Cable, Firmware
 
@@ -406,32 +401,6 @@ class World:
         for process in list(self.processes):
             process.end(-9)
         self._bury()
-
-    # What stands in for the modules.
-
-    @contextmanager
-    def installed(self) -> Iterator[None]:
-        """The drivers, the link and the guard see this world instead of the real one."""
-        fakes = {
-            "time": SimpleNamespace(monotonic=self.clock, sleep=self.sleep),
-            "threading": _stand_ins.Threading(self), "queue": _stand_ins.Queues(self),
-            "os": _stand_ins.Os(self), "subprocess": _stand_ins.Subprocess(self),
-        }  # fmt: skip
-        with ExitStack() as stack:
-            for name, module in list(sys.modules.items()):
-                if not name.startswith("turnscan.devices._"):
-                    continue
-                for attribute, fake in fakes.items():
-                    if getattr(module, attribute, None) is sys.modules[attribute]:
-                        stack.enter_context(mock.patch.object(module, attribute, fake))
-            for module in (_guard, _dialects):
-                stack.enter_context(mock.patch.object(module, "open_port", self.open_port))
-            stack.enter_context(mock.patch.object(_guard, "_own_signals", self._own_signals))
-            yield
-
-    def _own_signals(self, guard: _guard.Guard) -> None:
-        assert self.current is not None
-        self.current.process.guard = guard
 
     def spawn_guard(self, argument: str, parent: Process, piped: bool) -> Process:
         """A guard's process, as the link starts it."""

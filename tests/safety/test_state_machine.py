@@ -17,6 +17,7 @@ from typing import Any
 from unittest import mock
 
 import pytest
+from bench._stand_ins import installed
 from bench.judge import CONFIRM, FAULTS, Bench, Violation, explore, firmware
 from bench.virtual import Pipe, Process, World
 
@@ -170,7 +171,7 @@ def test_the_same_seed_gives_the_same_run() -> None:
 
 def test_the_dead_do_nothing_and_the_stopped_wait() -> None:
     world, done = World(firmware("grbl")), []
-    with world.installed():
+    with installed(world):
         one, two = Process(world, "one"), Process(world, "two")
         pipe = Pipe(one, two)
 
@@ -201,7 +202,7 @@ def test_the_dead_do_nothing_and_the_stopped_wait() -> None:
 
 def test_a_scan_goes_on_for_minutes_and_the_judge_is_content() -> None:
     bench = Bench("horus", seed=1)
-    with bench.world.installed():
+    with installed(bench.world):
         bench.scan()
         bench.world.run(300.0)
         assert not bench.errors
@@ -214,7 +215,7 @@ def test_a_scan_goes_on_for_minutes_and_the_judge_is_content() -> None:
 def test_a_laser_that_nobody_can_reach_is_said_and_darkened_minutes_later(dialect: str) -> None:
     bench = Bench(dialect, seed=2)
     world = bench.world
-    with world.installed():
+    with installed(world):
         bench.scan()
         while not (world.board.lit and bench.wanted):
             world.run(0.02)
@@ -236,7 +237,7 @@ def test_a_laser_that_nobody_can_reach_is_said_and_darkened_minutes_later(dialec
 def lit_bench(dialect: str) -> Iterator[Bench]:
     """A scan that has just lit a laser."""
     bench = Bench(dialect, seed=3)
-    with bench.world.installed():
+    with installed(bench.world):
         bench.scan()
         while not (bench.world.board.lit and bench.wanted):
             bench.world.run(0.02)

@@ -53,7 +53,11 @@ export function TopBar() {
           </button>
         ))}
       </nav>
-      {scanName.value && <span class="part-name">{scanName.value}</span>}
+      {scanName.value && (
+        <span class="part-name" title={scanName.value}>
+          {scanName.value}
+        </span>
+      )}
       {ofNoPart && (
         <span class="chip" title="The pictures of this scan are of no real part">
           simulated
