@@ -21,7 +21,7 @@ from turnscan import points
 from turnscan.arrays import Floats
 from turnscan.detection import detect_scan
 from turnscan.points._curvature import curvature_shift
-from turnscan.points._wholeness import LitPoints
+from turnscan.points._lit_points import LitPoints
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import SimulationSpec

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.points._curvature import curvature_shift
-from turnscan.points._wholeness import LitPoints
+from turnscan.points._lit_points import LitPoints
 
 THICK = 0.6
 """mm rms of the sheet."""

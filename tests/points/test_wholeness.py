@@ -13,7 +13,9 @@ from turnscan.points import Volume, build_grid, every, grid_findings, pixels_of
 from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points._build import take_steps
 from turnscan.points._creased import Widths, creased
-from turnscan.points._wholeness import LitPoints, _bias, _narrow, _round, wholeness
+from turnscan.points._cut import by_width
+from turnscan.points._lit_points import LitPoints
+from turnscan.points._wholeness import _narrow, _round, wholeness
 from turnscan.rig import rotation_z
 
 S, N = 14, 12
@@ -118,9 +120,9 @@ def test_a_cut_gaussian_is_as_far_off_as_its_width_says():
     """Of a Gaussian cut off c sigma beyond its middle, λ = φ(c)/Φ(c) off, √(1 − cλ − λ²) wide."""
     c = np.linspace(-0.2, 1.6, 30)
     off = norm.pdf(c) / norm.cdf(c)
-    assert _bias(np.sqrt(1 - c * off - off**2)) == pytest.approx(off, rel=0.25, abs=0.05)
-    assert _bias(np.array([1.0, 0.96, 1.05])) == pytest.approx(0.0, abs=1e-12), "that is speckle"
-    wider = _bias(np.array([1.2, 1.4, 1.6]))
+    assert by_width(np.sqrt(1 - c * off - off**2)) == pytest.approx(off, rel=0.25, abs=0.05)
+    assert by_width(np.array([1.0, 0.96, 1.05])) == pytest.approx(0.0, abs=1e-12), "that is speckle"
+    wider = by_width(np.array([1.2, 1.4, 1.6]))
     assert np.all(np.diff(wider) > 0.05)
 
 
@@ -264,7 +266,8 @@ def tube_on_a_table(steps: int, crease: bool = False) -> LitPoints:
     away = np.sum(normal * moves, -1) / np.sum(normal * ray, -1)
     walk = np.abs(np.sum(sheets * (moves - ray * away[..., None]), -1))
     width = np.hypot(0.4 / walk, 0.2)
-    bright = np.full((steps, n), 100.0)
+    facing = np.abs(np.sum(normal * ray, -1)) / np.linalg.norm(ray, axis=-1)
+    bright = 400.0 * facing / width  # it sends as much light as it faces the camera
     return LitPoints(points, eyes, moves, sheets, width, bright, turn[:, 0], True)
 
 
@@ -285,6 +288,7 @@ def test_a_crease_is_not_round():
     arc = np.full(light.width.shape, 20.0)
     walk, _, _ = across(light.points, light.eyes, light.moves, light.sheets, arc, light.closed)
     light.width[::3, :40] = np.hypot(0.4 / np.sqrt(walk[0] * walk[1]), 0.2)[::3, :40]
+    light.amplitude[::3, :40] = 400.0 * np.cos(np.pi / 6) / light.width[::3, :40]
     told = wholeness(light)
     assert (told.doubt[::3, 2:38] > 0).all()
 
@@ -478,7 +482,7 @@ def test_blur_widens_what_the_sheets_thickness_does_not():
     ridge = np.abs(np.arange(S) - S // 2) <= 1
     assert told.doubt[~ridge] == pytest.approx(0.0, abs=0.05)
     light.width[2] = 1.3 * width[2]
-    alone = 0.5 * width[2] * _bias(np.array(1.3))
+    alone = 0.5 * width[2] * by_width(np.array(1.3))
     assert (wholeness(light).doubt[2] > 0.9 * alone).all()
 
 

@@ -12,10 +12,11 @@ from turnscan.arrays import Bools, Flags, Floats, Singles, handed_over
 from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid, lines_about
+from turnscan.points._lit_points import LitPoints
 from turnscan.points._scatter import pooled_sigma
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._volume import without
-from turnscan.points._wholeness import LitPoints, wholeness
+from turnscan.points._wholeness import wholeness
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Stripe, StripeFlag

@@ -14,10 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
+from turnscan.points._cut import NOISE
 from turnscan.threads import in_parts
 
-NOISE = 0.06
-"""Speckle makes the median of five widths this much narrower or wider."""
 REACH = 2.5
 """Thicknesses of the sheet beyond which a surface no longer adds to a stripe."""
 STEPS = 6

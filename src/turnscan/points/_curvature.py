@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.points._wholeness import LitPoints
+from turnscan.points._lit_points import LitPoints
 
 _SPAN = 4.0
 """Thicknesses of the sheet over which the curvature is taken, to either side: as far as its light

@@ -17,7 +17,6 @@ from turnscan.arrays import Bools, Floats
 from turnscan.points._creased import (
     KNOWN,
     MODEL,
-    NOISE,
     REACH,
     STEPS,
     Creased,
@@ -25,6 +24,9 @@ from turnscan.points._creased import (
     creased,
     fineness,
 )
+from turnscan.points._cut import NOISE, by_width, lacking
+from turnscan.points._lit_points import LitPoints
+from turnscan.points._own_light import Alone, Own, by_own_light
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -44,6 +46,9 @@ _VARIES = 0.12
 clipping. Then they tell nothing of the surface."""
 _UNLIKE = 1.2
 """Squares of two slopes differ by this much where they can tell thickness from blur."""
+_TWICE = 2.0
+"""Times that a sheet may be thicker or thinner than the rig says, and no more: chords of coarse
+steps lie otherwise to the light than the surface does, and then slopes and widths tell nothing."""
 _CUT = 0.85
 """A stripe where what is seen ends is cut when it is narrower than this part of its due …"""
 _HALF = 0.6
@@ -51,11 +56,6 @@ _HALF = 0.6
 _FAINT, _AS_BRIGHT = 0.6, 0.95
 """A stripe there is a tail when it is fainter than this part of the one beside it; the second where
 it is narrower than any cut makes it."""
-_MOST = 0.5
-"""What is missing of a width tells no more beyond this."""
-_WIDER = 0.8
-"""Width that a second surface adds, as width that a cut takes away: the two parts of a stripe lie
-that far apart where both are alike."""
 _ALIKE = 1.35
 """Bends of three profiles in a row that differ by no more than this factor are one round surface.
 A crease bends one profile, or two unlike."""
@@ -66,10 +66,6 @@ _USUAL = 0.5
 surface goes on to both sides."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
-_WHOLE, _FAINTEST, _LACKING = 0.85, 0.02, 0.7
-"""A stripe where what is seen ends lacks light when it has less than this part of that of the one
-beside it, of which the second at least is believed; and the part that is doubted of how far the
-cut that takes so much moves its centre."""
 _GLOW_WIDTH, _GLOW_LIGHT, _GLOW_FLUX = 3.0, 0.35, 0.5
 """Light of other surfaces, without a stripe in it, is so many times as wide as a stripe is due
 there, and its brightness and all of its light are such parts of the usual stripe's at most. The
@@ -81,40 +77,12 @@ _SURE_FAR = 0.2
 """… and so far off, stripes that are fainter as well are cut where they differ by more."""
 _FEWEST_LINES, _MOST_LINES = 4, 200
 """Lines that such a stretch is long to either side, at least and at most."""
-_SURE_ALONE, _SURE_STILL, _DIM = 0.25, 0.7, 0.5
-"""The same where no profile beside tells how the surface lies, against one that faces the camera;
-where no turn moves a point; and the part of the usual light, for its width, below which …"""
 _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
 """Steps whose widths are judged at a time."""
 _LEAST = 0.25
 """Part of the median arc below which no step is believed to be: beside the axis it is none."""
-
-
-@dataclass(frozen=True)
-class LitPoints:
-    """What is known of the light of the points of one grid, in the object's frame."""
-
-    points: Floats
-    """(s, n, 3) mm, NaN where missing."""
-    eyes: Floats
-    """(s, 3) mm: the camera at each step."""
-    moves: Floats
-    """(s, n, 3) mm: where the ray of the next pixel across ends, at the point's depth."""
-    sheets: Floats
-    """(s, n, 3) the laser sheet's normal."""
-    width: Floats
-    """(s, n) px rms of the stripe."""
-    amplitude: Floats
-    """(s, n) grey levels."""
-    angles: Floats
-    """(s,) rad."""
-    closed: bool
-    noise: float = 0.0
-    """mm: how far noise usually moves a point."""
-    stated: float = 0.0
-    """mm rms: how thick the rig says that the sheet is; 0 where it does not."""
 
 
 @dataclass(frozen=True)
@@ -217,38 +185,10 @@ def _lying(
     still = np.isinf(walk).any(axis=0)
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     lone = (np.isnan(walk).all(axis=0) | (ends & np.isnan(flat)).any(axis=0)) & ~still
-    doubt = np.maximum(doubt, _unknown(light, (width, bright), (lone, still), thickness, due_on))
+    alone = Alone(lone, still, (fine < KNOWN) & (~_agree(walk) | (doubt > 0)) & ~still)
+    doubt = by_own_light(light, Own(width, bright, walk), doubt, alone, thickness, due_on)
     own = Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0)
     return own, thickness, still
-
-
-def _unknown(
-    light: LitPoints,
-    lit: tuple[Floats, Floats],
-    which: tuple[Bools, Bools],
-    thickness: float,
-    due_on: Callable[[Floats], Floats],
-) -> Floats:
-    """(s, n) px that stripes may be off of whose surface nothing beside tells how it lies.
-
-    A face that is narrower than the sheet, as the edge of a plate, is lit by a part of it that may
-    lie far off its middle. Its stripe is narrower than one on a surface that faces the camera, and
-    so is a whole one only on a surface that the camera grazes; or there is less light in it.
-    """
-    (width, bright), (lone, still) = lit, which
-    out, at = np.zeros_like(width), np.nonzero((lone | still) & (width > 0))
-    if not (thickness > 0 and len(at[0])):
-        return out
-    ray, move = light.points[at] - light.eyes[at[0]], light.moves[at]
-    away = move - ray * (np.sum(ray * move, axis=1) / np.sum(ray * ray, axis=1))[:, None]
-    facing = np.abs(np.sum(light.sheets[at] * away, axis=1))
-    due = due_on(np.tile(facing, (2, 1, 1)))[0, 0]
-    due = np.where(np.isnan(due), thickness / facing, due)
-    ratio, whole = np.minimum(width[at] / due, 1.0), width * bright
-    flux = whole[at] / (np.nanmedian(whole) * ratio)
-    narrow = np.where(lone[at], _bias(ratio, _SURE_ALONE), _bias(ratio, _SURE_STILL))
-    out[at] = np.nan_to_num(np.maximum(narrow, np.where(flux < _DIM, _missing(flux), 0.0)) * due)
-    return out
 
 
 def _runs_of(glow: Bools, dim: Bools) -> Bools:
@@ -314,7 +254,7 @@ def _judged(
     ratio = width / due
     border = np.isnan(walk[0]) != np.isnan(walk[1])
     border &= some.found & ~np.isnan(ratio).all(axis=0)
-    bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
+    bias = by_width(ratio, np.where(border, _SURE_END, _SURE))
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * some.fine * np.fmax(*bias)) * width)
     doubt = np.where(border, doubt, _USUAL * doubt)
     pulled = np.zeros(width.shape)
@@ -345,19 +285,11 @@ def _lacking(flux: Floats, first: Bools) -> Floats:
     cut away what those of the profile beside have more, that after it where it is the ``first``.
 
     Where other surfaces throw light beside it, or a second one is grazed, a cut stripe is as wide
-    as a whole one. Of a Gaussian of which a part f is left the centre is φ(c)/f off, c = Φ⁻¹(f).
+    as a whole one.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         left = flux / np.where(first, np.roll(flux, -1, 0), np.roll(flux, 1, 0))
-    return np.asarray(np.where(left < _WHOLE, _missing(left), 0.0))
-
-
-def _missing(left: Floats) -> Floats:
-    """By how many of its widths a stripe may be off of whose light such a part is left."""
-    from scipy.special import ndtri
-
-    f = np.clip(np.nan_to_num(left, nan=1.0), _FAINTEST, _WHOLE)
-    return np.asarray(_LACKING * np.exp(-0.5 * ndtri(f) ** 2) / (np.sqrt(2 * np.pi) * f))
+    return lacking(left)
 
 
 def _steady(width: Floats) -> Floats:
@@ -421,7 +353,7 @@ def _ended(
         kernels.whole_widths(places, (light.width, steadied), still, sizes, light.closed, span, out)
 
     in_parts(part, len(steadied))
-    return np.asarray(np.nan_to_num(_bias(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
+    return np.asarray(np.nan_to_num(by_width(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
 
 
 def _narrow(steadied: Floats, light: Floats, sizes: tuple[float, float]) -> Floats:
@@ -450,7 +382,7 @@ def _narrow(steadied: Floats, light: Floats, sizes: tuple[float, float]) -> Floa
             (kernels.usual(own, near), _SURE_END, True),
             (kernels.usual(own, far), _SURE_FAR, bright < _FAINT * kernels.usual(bright, far)),
         ):
-            off = _bias(np.minimum(own / usual, 1.0), sure) * usual
+            off = by_width(np.minimum(own / usual, 1.0), sure) * usual
             out = np.maximum(out, np.nan_to_num(off) * some)
         return out
 
@@ -477,6 +409,13 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
     known = differ[np.isfinite(differ)]
     some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
     return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
+
+
+def _agree(walk: Floats) -> Bools:
+    """(s, n) True where chords to the profiles before and after lie alike to the light, as far as a
+    coarse turn about a round part leaves them alike."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.abs(np.log(walk[0] / walk[1])) <= 2 * _SMOOTH)
 
 
 def _round(walk: Floats, arcs: Floats, thickness: float) -> Bools:
@@ -574,6 +513,8 @@ def _due(
     (x0, y0), (x1, y1) = ends[0], ends[-1]
     told = x1 > x0 * _UNLIKE
     slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if told else y0 / x0
+    if stated > 0 and told and not stated / _TWICE < np.sqrt(slope) < stated * _TWICE:
+        told, slope = False, min(stated**2, y0 / x0)
     blur = max(y0 - slope * x0, 0.0)
     part = np.log(lit / np.sqrt(slope / on**2 + blur))
     usual = np.median(part, axis=1)
@@ -588,15 +529,3 @@ def _due(
         return np.asarray(more * np.sqrt(slope / known**2 + blur))
 
     return due, thickness, told
-
-
-def _bias(ratio: Floats, sure: Floats | float = 0.0) -> Floats:
-    """How far a stripe's centre is off, in widths of the whole one, by the part of its due width.
-
-    Nothing where that part is within ``sure`` of the whole.
-    Of a Gaussian cut off c sigma beyond its middle the width is √(1 − cλ − λ²) and the centre λ
-    off, λ = φ(c)/Φ(c). What is too wide lies on two surfaces; its centre is off alike.
-    """
-    x = np.where(ratio < 1, 1.0 - ratio, _WIDER * (ratio - 1.0))
-    x = np.sqrt(np.maximum(np.minimum(x, _MOST) ** 2 - NOISE**2, 0.0)) * ~(x < sure)
-    return np.asarray(0.9 * x + 2.75 * x * x)

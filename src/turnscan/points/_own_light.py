@@ -1,0 +1,151 @@
+"""What the light of a stripe itself tells, where the profiles beside do not say how its surface
+lies.
+
+On a surface that faces the camera a whole stripe is as wide as the sheet is thick, and as bright as
+the best of its line. What cuts it takes width and light away, and what it lies on besides has less
+light to send. A surface that turns away from the camera takes both, too; by the stripe alone nobody
+can tell that from a cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Longs
+from turnscan.points._cut import by_light, by_width, lacking
+from turnscan.points._lit_points import LitPoints
+
+_SURE, _SURE_ALONE, _SURE_STILL, _DIM = 0.15, 0.25, 0.7, 0.5
+"""Part of its width, on a surface that faces the camera, that a stripe may lack for other reasons:
+where the profiles beside do not agree, where none tells how the surface lies, and where no turn
+moves a point; and the part of the usual light, for its width, below which …"""
+_BENDS = 0.5
+"""rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
+bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
+_BEST = 0.8
+"""Quantile of the light of a line over the turn that is that of a whole stripe."""
+_APART, _SOME = 5, 64
+"""Lines apart, of so many steps, that tell how far speckle makes the light of stripes differ; …"""
+_LEAST, _MOST = 0.02, 0.5
+"""… so much it is believed to be at least and at most."""
+
+
+class Own(NamedTuple):
+    """Stripes, as wide and bright as they are about each."""
+
+    width: Floats
+    """(s, n) px."""
+    bright: Floats
+    """(s, n) grey levels."""
+    walk: Floats
+    """(2, s, n) mm, as `_wholeness_kernels.across` writes it."""
+
+
+class Alone(NamedTuple):
+    """Points of whose surface the profiles beside tell little."""
+
+    lone: Bools
+    """(s, n) True where none is linked, or one that ends there."""
+    still: Bools
+    """(s, n) True where no turn moves the point."""
+    blind: Bools
+    """(s, n) True where those beside are further off than the sheet reaches, and do not agree."""
+
+
+def by_own_light(
+    light: LitPoints,
+    own: Own,
+    doubt: Floats,
+    alone: Alone,
+    thickness: float,
+    due_on: Callable[[Floats], Floats],
+) -> Floats:
+    """The ``doubt`` (s, n) px of stripes with what their own light says; as it is where the sheet's
+    ``thickness``, mm, is not known.
+
+    A face that is narrower than the sheet, as the edge of a plate, is lit by a part of it that may
+    lie far off its middle. Its stripe is narrower than one on a surface that faces the camera, and
+    so is a whole one only on a surface that the camera grazes; or there is less light in it. Where
+    chords of long steps do not agree, an edge lies between them, and may lie under the sheet: then
+    both must allow it, width and light, unless both are as on a surface that lies between the two
+    chords. Where a stripe is no wider than one on a surface that faces the camera, nothing moves
+    its centre further than the light allows that is left of a whole stripe's.
+    """
+    asked = (alone.lone | alone.still | alone.blind | (doubt > 0)) & (own.width > 0)
+    at = np.nonzero(asked)
+    if not (thickness > 0 and len(at[0])):
+        return doubt
+    width, whole = own.width[at], own.width * own.bright
+    facing, lean = _facing(light, at)
+    due = _due(facing, thickness, due_on)
+    ratio = np.minimum(width / due, 1.0)
+    lone, still = alone.lone[at], alone.still[at]
+    narrow = np.where(lone, by_width(ratio, _SURE_ALONE), by_width(ratio, _SURE_STILL))
+    flux = whole[at] / (np.nanmedian(whole) * ratio)
+    narrow = np.maximum(narrow, np.where(flux < _DIM, lacking(flux), 0.0)) * (lone | still)
+    light_left = whole[at] / _best(whole)[at[1]]
+    round_ = _round(own.walk[:, at[0], at[1]], (facing, lean), light_left)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        between = np.sqrt(own.walk[0][at] * own.walk[1][at])
+        round_ &= np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
+    noise = _noise(whole)
+    left = by_light(light_left, 1.0 - noise)
+    blind = alone.blind[at] & ~round_
+    blind = np.where(blind, np.minimum(by_width(ratio, _SURE), left), 0.0)
+    # What is wider lies on surfaces behind each other, and may have all of its light; more light
+    # than a whole stripe has comes from elsewhere.
+    told = (width <= (1 + _SURE) * due) & (light_left <= 1.0 + 2.0 * noise)
+    most = np.where(told, left * np.maximum(due, width), np.inf)
+    found = np.minimum(np.maximum(doubt[at], blind * due), most)
+    out = doubt.copy()
+    out[at] = np.nan_to_num(np.maximum(found, narrow * due))
+    return out
+
+
+def _facing(light: LitPoints, at: tuple[Longs, ...]) -> tuple[Floats, Floats]:
+    """(m,) mm by which a pixel leads away from the sheet on surfaces that face the camera, and the
+    tangent of the angle between ray and sheet there."""
+    ray, move = light.points[at] - light.eyes[at[0]], light.moves[at]
+    sheet = light.sheets[at]
+    size = np.sum(ray * ray, axis=1)
+    away = move - ray * (np.sum(ray * move, axis=1) / size)[:, None]
+    facing = np.abs(np.sum(sheet * away, axis=1))
+    sine = np.abs(np.sum(sheet * ray, axis=1)) / np.sqrt(size)
+    return facing, sine / np.sqrt(np.maximum(1.0 - sine**2, 1e-12))
+
+
+def _round(walk: Floats, seen: tuple[Floats, Floats], left: Floats) -> Bools:
+    """(m,) True where chords that lie so (2, m) to the light bend as those of a round part, and so
+    much light is ``left`` as a surface sends that lies between them; ``seen`` is of `_facing`."""
+    turned = np.arctan((1 - walk / seen[0]) / seen[1])
+    with np.errstate(invalid="ignore"):
+        one = np.abs(turned[0] - turned[1]) <= _BENDS
+        return np.asarray(one & (left >= (1 - _SURE) * np.cos(turned.mean(axis=0))))
+
+
+def _due(walk: Floats, thickness: float, due_on: Callable[[Floats], Floats]) -> Floats:
+    """(m,) px: how wide whole stripes are on surfaces that lie so to the light."""
+    due = due_on(np.tile(walk, (2, 1, 1)))[0, 0]
+    return np.asarray(np.where(np.isnan(due), thickness / walk, due))
+
+
+def _noise(whole: Floats) -> float:
+    """How far light (s, n) usually differs by chance, as a part of it."""
+    some = whole[:: -(-len(whole) // _SOME)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        differ = np.abs(np.log(some[:, _APART:] / some[:, :-_APART]))
+    known = differ[np.isfinite(differ)]
+    # Of a Gaussian half lies within 0.6745, and two of them differ by the root of two.
+    usual = float(np.median(known)) / (0.6745 * np.sqrt(2.0)) if len(known) else _MOST
+    return min(max(usual, _LEAST), _MOST)
+
+
+def _best(whole: Floats) -> Floats:
+    """(n,) the light of a whole stripe in each line, of all (s, n) that there are; NaN for none."""
+    have = np.sort(whole, axis=0)  # NaN last
+    count = (~np.isnan(whole)).sum(axis=0)
+    best = have[np.maximum(np.ceil(_BEST * count).astype(np.intp) - 1, 0), np.arange(len(count))]
+    return np.asarray(best)

@@ -1,0 +1,103 @@
+"""What a stripe's own light says where the profiles beside it do not tell how its surface lies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from turnscan.points._cut import by_light, by_width, lacking
+from turnscan.points._lit_points import LitPoints
+from turnscan.points._wholeness import wholeness
+
+S, N, STEP, THICK = 14, 12, 8.0, 0.4
+DUE = THICK / (0.2 * np.cos(0.4))
+
+
+def notched(width: float, light: float, *, deep: float = 6.0, step: float = STEP) -> LitPoints:
+    """A wall before the camera in steps of so many mm; profile 7 lies deeper, at the bottom of a
+    groove, in a stripe of this share of its width and light."""
+    x = step * (np.arange(S) - S / 2)[:, None] + np.zeros((S, N))
+    y = 40.0 + deep * (np.arange(S) == 7)[:, None] + np.zeros((S, N))
+    points = np.stack([x, y, 0.3 * np.arange(N) + np.zeros((S, N))], -1)
+    wide, bright = np.full((S, N), DUE), np.full((S, N), 100.0)
+    wide[7] *= width
+    bright[7] *= light / width
+    return LitPoints(
+        points,
+        np.stack([x[:, 0], np.full(S, -500.0), np.full(S, 1.5)], -1),
+        np.tile([0.2, 0.0, 0.0], (S, N, 1)),
+        np.tile([np.cos(0.4), np.sin(0.4), 0.0], (S, N, 1)),
+        wide,
+        bright,
+        step / 40.0 * np.arange(S),
+        False,
+        0.05,
+        THICK,
+    )
+
+
+@pytest.mark.parametrize(
+    ("width", "light", "least", "most"),
+    [
+        (1.0, 1.0, 0.0, 0.06),
+        (0.8, 1.0, 0.0, 0.06),  # narrower, but nothing is missing
+        (0.7, 0.5, 0.3, 0.9),
+        (0.7, 0.85, 0.1, 0.35),
+        (0.45, 0.25, 0.8, 1.3),
+    ],
+)
+def test_between_coarse_steps_a_stripe_is_doubted_by_its_width_and_its_light(
+    width, light, least, most
+):
+    """A groove narrower than a step: nothing beside tells what its walls cut off."""
+    told = wholeness(notched(width, light))
+    doubt = told.doubt[7] / DUE
+    assert np.all((doubt >= least) & (doubt <= most)), doubt
+    assert not told.shift.any()
+    assert told.doubt[[6, 8]] / DUE == pytest.approx(0.0, abs=0.05), "those beside are whole"
+
+
+@pytest.mark.parametrize(("width", "light", "deep"), [(1.6, 1.0, 2.0), (1.0, 2.0, 6.0)])
+def test_what_is_wider_or_brighter_than_a_whole_stripe_is_not_believed_for_its_light(
+    width, light, deep
+):
+    """Two surfaces behind each other have all of the light; and a dark line's best stripe says
+    nothing of one with twice its light."""
+    assert np.all(wholeness(notched(width, light, deep=deep)).doubt[7, 3:9] > 0.15 * DUE)
+
+
+def test_light_that_is_known_badly_says_less():
+    rng = np.random.default_rng(1)
+    seen = notched(0.8, 1.0)
+    noisy = replace(seen, amplitude=seen.amplitude * np.exp(0.3 * rng.standard_normal((S, N))))
+    assert wholeness(noisy).doubt[7].max() > 3 * wholeness(seen).doubt[7].max()
+
+
+def test_a_round_part_in_coarse_steps_has_its_slopes_from_both_chords():
+    """A bump as wide as two steps, whose stripes are as wide and bright as is due on its sides."""
+    steep = notched(1.0, 1.0, deep=1.0)
+    assert wholeness(steep).doubt[6:9] / DUE == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_sheet_that_slopes_say_is_another_is_the_one_that_the_rig_states():
+    """Chords of coarse steps lie otherwise than their surface: widths that do not follow them say
+    nothing of how thick the sheet is."""
+    rng = np.random.default_rng(2)
+    seen = notched(1.0, 1.0)
+    lean = np.cumsum(rng.uniform(-0.25, 0.45, S)) * STEP
+    points = seen.points + lean[:, None, None] * [0.0, 1.0, 0.0]
+    told = wholeness(replace(seen, points=points, width=np.full((S, N), DUE)))
+    assert told.thickness == 0.0
+
+
+@pytest.mark.parametrize("left", [0.05, 0.3, 0.5, 0.8])
+def test_a_gaussian_of_which_a_part_is_left_is_as_far_off_as_its_light_says(left):
+    c = norm.ppf(left)
+    assert by_light(np.array([left]))[0] == pytest.approx(norm.pdf(c) / left, rel=1e-9)
+    assert by_light(np.array([1.5]), 0.9) == pytest.approx(by_light(np.array([0.9])), rel=1e-9)
+    assert lacking(np.array([left]))[0] == pytest.approx(0.7 * norm.pdf(c) / left, rel=1e-9)
+    assert lacking(np.array([0.9, np.nan])).tolist() == [0.0, 0.0]
+    assert by_width(np.array([np.sqrt(1 - c * norm.pdf(c) / left - (norm.pdf(c) / left) ** 2)])) > 0
