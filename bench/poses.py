@@ -2,8 +2,8 @@
 
 Most of the time is the simulator's: 2 × 120 pictures of 5 megapixels, about 5 minutes of a core.
 ``python -m bench.poses --keep FOLDER`` keeps the scans there and finds them again; ``--quick``
-takes 60 profiles of each pose. The bunny needs ../shared/data/bunny-range and is left out where it
-is not.
+takes 60 profiles of each pose, ``--only bunny`` the range scans alone. The bunny needs
+../shared/data/bunny-range and is left out where it is not.
 """
 
 from __future__ import annotations
@@ -141,11 +141,12 @@ def worst(a: Sequence[Pose], b: Sequence[Pose], views: list[poses.View]) -> floa
     )
 
 
-def run(quick: bool = False, keep: Path | None = None) -> None:
+def run(quick: bool = False, keep: Path | None = None, only: str | None = None) -> None:
     """Print both."""
-    with _keep.folder(keep) as folder:
-        cup(folder, STEPS // 2 if quick else STEPS)
-    if BUNNY.is_dir():
+    if only in (None, "cup"):
+        with _keep.folder(keep) as folder:
+            cup(folder, STEPS // 2 if quick else STEPS)
+    if only in (None, "bunny") and BUNNY.is_dir():
         bunny()
 
 
@@ -154,8 +155,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="half as many profiles")
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--only", choices=("cup", "bunny"), help="one of the two")
     given = parser.parse_args()
-    run(given.quick, given.keep)
+    run(given.quick, given.keep, given.only)
 
 
 if __name__ == "__main__":

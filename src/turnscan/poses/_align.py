@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Floats, Ints, frozen
+from turnscan.arrays import Floats, frozen
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.poses._fit import AGREE, LEAST, THROUGH, Fit, fit
@@ -20,7 +20,17 @@ from turnscan.poses._observability import (
     held_motions,
     shifting,
 )
-from turnscan.poses._refine import Equations, all_links, equations, middles_of, refine, samples_of
+from turnscan.poses._refine import (
+    Asked,
+    Equations,
+    all_links,
+    both_ways,
+    equations,
+    middles_of,
+    near_ones,
+    refine,
+    samples_of,
+)
 from turnscan.poses._view import View, coarse
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
@@ -29,6 +39,8 @@ _SAMPLES = 12_000
 """Points of each view that the final refinement uses at most."""
 _ROUNDS = 15
 """Rounds of it; it starts from a solution already."""
+_AWAY = 2.0
+"""Lengths of the last links within which a point must lie when it begins, to take part in it."""
 _WORTH = 200
 """Places that an overlap must have to be named."""
 _LAST = 3.0
@@ -99,13 +111,15 @@ def align(views: Sequence[View], starts: Sequence[Pose]) -> Alignment:
     rough = samples_of(views, step / 2, _SAMPLES // 8)
     usual = float(np.median(np.concatenate([v.sigma for v in views])))
     last = max(_LAST * max(v.spacing for v in views), _SIGMAS * usual)
-    poses = refine(views, starts, rough, (step, last))
-    _, e, middles = _state(views, poses, rough, last)
+    asked = both_ways(rough)
+    poses = refine(views, starts, asked, (step, last))
+    _, e, middles = _state(views, poses, asked, last)
     loose = freedoms(e, middles)
     held = held_motions(loose, len(views))
     if loose:  # noise has moved them meanwhile: again, without
-        poses = refine(views, starts, rough, (step, last), held)
-    fine = samples_of(views, last / _LAST, _SAMPLES)
+        poses = refine(views, starts, asked, (step, last), held)
+    fine = both_ways(samples_of(views, last / _LAST, _SAMPLES))
+    fine = near_ones(views, poses, fine, _AWAY * last)
     poses = refine(views, poses, fine, (last, last), held, rounds=_ROUNDS)
     links, e, middles = _state(views, poses, fine, last)
     C = covariance(e, held)
@@ -124,9 +138,9 @@ def align(views: Sequence[View], starts: Sequence[Pose]) -> Alignment:
 
 
 def _state(
-    views: Sequence[View], poses: Sequence[Pose], samples: Sequence[Ints], reach: float
+    views: Sequence[View], poses: Sequence[Pose], asked: Asked, reach: float
 ) -> tuple[list[Links], Equations, Floats]:
-    links = all_links(views, poses, samples, reach)
+    links = all_links(views, poses, asked, reach)
     middles = middles_of(views, poses)
     return links, equations(links, middles), middles
 

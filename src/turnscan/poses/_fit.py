@@ -13,7 +13,7 @@ from turnscan.poses._links import link
 from turnscan.poses._view import View
 from turnscan.rig import Pose
 
-_TIGHT = 1 / 16
+TIGHT = 1 / 16
 """Sample spacings within which two measurements of one surface lie, or …"""
 _NOISE = 4.0
 """… this many sigma."""
@@ -67,7 +67,7 @@ def fit(
         inside = spaces[i].holds(poses[i].inverse().apply(there))
         through = max(through, float(inside.mean()))
         k, at = link(views, poses, i, j, samples[i], step)
-        tight = np.maximum(_NOISE * k.sigma, _TIGHT * step)
+        tight = np.maximum(_NOISE * k.sigma, TIGHT * step)
         np.minimum.at(best, at, np.abs(k.offsets) / tight)
     met = np.isfinite(best)
     return Fit(float(met.mean()), float((best[met] <= 1).mean()) if met.any() else 0.0, through)

@@ -138,7 +138,7 @@ def vote(
     w = TURNS / (2 * np.pi)
     for a in range(len(asked)):
         i = asked[a]
-        found = np.zeros((size, TURNS))
+        found = np.zeros((size, TURNS + 1))
         for j in range(len(points)):
             d = points[j] - points[i]
             length = np.sqrt((d * d).sum())
@@ -151,15 +151,22 @@ def vote(
             weight = 1.0 / np.sqrt(end - begin)
             here = _turn(R[i], d)
             for e in range(begin, end):
-                at = ((turn[e] - here) * w) % TURNS
-                low = int(at) % TURNS
-                part = at - int(at)
-                # Shared between the two nearest bins, whose middles lie at whole numbers.
+                at = (turn[e] - here) * w  # between -TURNS and TURNS: both are angles from -π to π
+                if at < 0.0:
+                    at += TURNS
+                low = int(at)
+                part = at - low
+                # Shared between the two nearest bins, whose middles lie at whole numbers; the last
+                # column is the first one again.
+                if low >= TURNS:
+                    low = 0
                 found[first[e], low] += weight * (1.0 - part)
-                found[first[e], (low + 1) % TURNS] += weight * part
+                found[first[e], low + 1] += weight * part
+        found[:, 0] += found[:, TURNS]
+        found[:, TURNS] = 0.0
         for k in range(best):
             flat = int(np.argmax(found))
-            m, t = flat // TURNS, flat % TURNS
+            m, t = flat // (TURNS + 1), flat % (TURNS + 1)
             models[a, k] = m
             turns[a, k] = t / w
             votes[a, k] = found[m, t]

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
 from turnscan.poses._view import View
 from turnscan.rig import Pose
+
+if TYPE_CHECKING:
+    from turnscan.poses._link_kernels import Surface
 
 _ALIKE = float(np.cos(np.deg2rad(35.0)))
 """Cosine between the normals of one place, seen twice."""
@@ -32,7 +37,7 @@ class Links:
     sigma: Floats
     """(k,) mm, of both together."""
 
-    @property
+    @cached_property
     def normals(self) -> Floats:
         """(k, 3) unit: the mean of both.
 
@@ -44,7 +49,7 @@ class Links:
         unit: Floats = n / np.linalg.norm(n, axis=1, keepdims=True)
         return unit
 
-    @property
+    @cached_property
     def offsets(self) -> Floats:
         """(k,) mm: how far view i lies outside view j, along the normal."""
         off: Floats = np.einsum("kj,kj->k", self.normals, self.p - self.q)
@@ -58,21 +63,22 @@ def link(
 
     Neighbours on a border are none: what lies beyond a border has no partner there.
     """
-    a, b = views[i], views[j]
-    p = poses[i].apply(a.points[samples])
-    n = poses[i].turn(a.normals[samples])
-    away, at = b.tree.query(poses[j].inverse().apply(p), distance_upper_bound=reach)
-    good = np.isfinite(away)
-    k = np.where(good, at, 0)
-    q, m = poses[j].apply(b.points[k]), poses[j].turn(b.normals[k])
-    beside = away**2 - np.einsum("kj,kj->k", m, p - q) ** 2
-    good &= b.inner[k] & (np.einsum("kj,kj->k", n, m) > _ALIKE)
-    good &= beside <= max(2 * b.spacing, reach / 2) ** 2
-    sigma = np.hypot(a.sigma[samples], b.sigma[k])
-    return (
-        Links(i, j, p[good], q[good], n[good], m[good], sigma[good]),
-        np.flatnonzero(good).astype(np.int32),
-    )
+    from turnscan.poses import _link_kernels as kernels
+
+    mine, other = _surface(views[i], poses[i]), _surface(views[j], poses[j])
+    there = poses[i].apply(mine.points[samples])
+    back = (there - other.translation) @ other.rotation
+    away, at = views[j].tree.query(back, distance_upper_bound=reach)
+    limits = _ALIKE, max(2 * views[j].spacing, reach / 2) ** 2
+    which, *found = kernels.met(mine, other, samples, away, at, limits)
+    return Links(i, j, *found), which
+
+
+def _surface(v: View, pose: Pose) -> Surface:
+    """What the kernels take of a view."""
+    from turnscan.poses import _link_kernels as kernels
+
+    return kernels.Surface(v.points, v.normals, v.sigma, v.inner, pose.rotation, pose.translation)
 
 
 def rows(points: Floats, normals: Floats, middle: Floats) -> Floats:

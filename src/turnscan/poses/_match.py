@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Ints
 from turnscan.poses._view import View, thin
 from turnscan.rig import Pose, nearest_rotation
 
@@ -102,20 +102,26 @@ def _clusters(
     R: Floats, t: Floats, votes: Floats, middle: Floats, step: float, most: int
 ) -> list[tuple[Pose, float]]:
     """Placements that agree, joined round the strongest, the strongest first."""
+    from scipy.spatial.distance import cdist
+
     order = np.argsort(-votes, kind="stable")
     R, t, votes = R[order], t[order], votes[order]
     at = t + R @ middle  # compared at the view's middle: a small turn moves its origin far
-    free = votes > 0
-    cosine = 1 + 2 * np.cos(_ALIKE)
-    groups = []
+    flat = R.reshape(-1, 9)
+    near = flat @ flat.T > 1 + 2 * np.cos(_ALIKE)
+    near &= cdist(at, at) < _NEAR * step
+    free, groups, sums = votes > 0, list[Ints](), list[float]()
     for k in range(len(R)):
-        if not free[k]:
-            continue
-        alike = (np.einsum("ij,nij->n", R[k], R) > cosine) & free
-        alike &= np.linalg.norm(at - at[k], axis=1) < _NEAR * step
-        free &= ~alike
-        w = votes[alike]
-        mean = nearest_rotation(np.einsum("n,nij->ij", w, R[alike]))
-        place = np.average(at[alike], axis=0, weights=w)
-        groups.append((Pose(mean, place - mean @ middle), float(w.sum())))
-    return sorted(groups, key=lambda g: -g[1])[:most]
+        if free[k]:
+            alike = np.flatnonzero(near[k] & free).astype(np.int32)
+            free[alike] = False
+            groups.append(alike)
+            sums.append(float(votes[alike].sum()))
+    strongest = np.argsort(-np.array(sums), kind="stable")[:most]
+    return [(_mean(R[g], at[g], votes[g], middle), sums[k]) for k in strongest for g in [groups[k]]]
+
+
+def _mean(R: Floats, at: Floats, votes: Floats, middle: Floats) -> Pose:
+    """One placement for those that agree (n, 3, 3), which bring the middle to ``at`` (n, 3)."""
+    mean = nearest_rotation(np.einsum("n,nij->ij", votes, R))
+    return Pose(mean, np.average(at, axis=0, weights=votes) - mean @ middle)

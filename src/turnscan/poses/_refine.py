@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -65,42 +65,54 @@ def samples_of(views: Sequence[View], spacing: float, most: int) -> list[Ints]:
     return out
 
 
+Asked = Mapping[tuple[int, int], Ints]
+"""For views i and j, by number: which points of view i are looked for on view j."""
+
+
+def both_ways(samples: Sequence[Ints], fixed: int = 1) -> Asked:
+    """Samples of all views on all others, but of the first ``fixed`` among themselves."""
+    n = range(len(samples))
+    return {(i, j): samples[i] for i in n for j in n if i != j and max(i, j) >= fixed}
+
+
+def near_ones(views: Sequence[View], poses: Sequence[Pose], asked: Asked, reach: float) -> Asked:
+    """Of those that are asked the ones that have a point of the other view within ``reach`` mm."""
+    out = {}
+    for (i, j), some in asked.items():
+        back = poses[j].inverse().apply(poses[i].apply(views[i].points[some]))
+        away = views[j].tree.query(back, distance_upper_bound=reach)[0]
+        out[i, j] = some[np.isfinite(away)]
+    return out
+
+
 def all_links(
-    views: Sequence[View],
-    poses: Sequence[Pose],
-    samples: Sequence[Ints],
-    reach: float,
-    fixed: int = 1,
+    views: Sequence[View], poses: Sequence[Pose], asked: Asked, reach: float
 ) -> list[Links]:
-    """Links between all views but the first ``fixed`` among themselves, in both directions."""
-    n = range(len(views))
-    pairs = [(i, j) for i in n for j in n if i != j and max(i, j) >= fixed]
-    found = [link(views, poses, i, j, samples[i], reach)[0] for i, j in pairs]
+    """Links between the views, at most ``reach`` mm long."""
+    found = [link(views, poses, i, j, some, reach)[0] for (i, j), some in asked.items()]
     return [k for k in found if len(k.p)]
 
 
 def equations(links: Sequence[Links], middles: Floats) -> Equations:
     """Weighted least squares of all links, Tukey's weights round their robust scatter."""
+    from turnscan.poses import _link_kernels as kernels
+
     size = 6 * len(middles)
     H, motion = np.zeros((size, size)), np.zeros((size, size))
     g, total, count = np.zeros(size), 0.0, 0.0
     scale, weights = spread(links), list[Floats]()
     for k in links:
-        n = k.normals
-        r = np.einsum("kj,kj->k", n, k.p - k.q)
-        u = r / (_TUKEY * scale * k.sigma)
-        robust = np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)
-        w = robust / (scale * k.sigma) ** 2
-        at, J = _both(k), _turns(k, n, middles)
-        weighted = J * w[:, None]
-        H[np.ix_(at, at)] += J.T @ weighted
-        g[at] -= weighted.T @ r
-        a, b = at[:6], at[6:]
-        motion[np.ix_(a, a)] += _motion(k.p - middles[k.i], w)
-        motion[np.ix_(b, b)] += _motion(k.q - middles[k.j], w)
-        total += float((robust * (r / k.sigma) ** 2).sum())
-        count += float(robust.sum())
-        weights.append(w)
+        pair = np.stack([middles[k.i], middles[k.j]])
+        s = kernels.sums(k.p, k.q, k.normals, k.offsets, k.sigma, (scale, _TUKEY), pair)
+        at = _both(k)
+        H[np.ix_(at, at)] += s.H
+        g[at] += s.g
+        a, b = slice(6 * k.i, 6 * k.i + 6), slice(6 * k.j, 6 * k.j + 6)
+        motion[a, a] += s.mine
+        motion[b, b] += s.others
+        total += s.chi2
+        count += s.robust
+        weights.append(s.weights)
     return Equations(H, g, motion, total / max(count, 1e-9), links, weights, middles)
 
 
@@ -127,49 +139,37 @@ def spread(links: Sequence[Links]) -> float:
     return max(1.0, 1.4826 * float(np.median(r))) if len(r) else 1.0
 
 
-def _motion(x: Floats, w: Floats) -> Floats:
-    """(6, 6): Σ w |ω × x + t|² as a form in (ω, t)."""
-    out = np.zeros((6, 6))
-    square = (x * x * w[:, None]).sum()
-    out[:3, :3] = square * np.eye(3) - (x * w[:, None]).T @ x
-    s = (x * w[:, None]).sum(axis=0)
-    out[:3, 3:] = np.array([[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]])
-    out[3:, :3] = out[:3, 3:].T
-    out[3:, 3:] = w.sum() * np.eye(3)
-    return out
-
-
 def refine(
     views: Sequence[View],
     poses: Sequence[Pose],
-    samples: Sequence[Ints],
+    asked: Asked,
     reach: tuple[float, float],
     held: Floats | None = None,
     fixed: int = 1,
     rounds: int = _ROUNDS,
+    still: float = 0.0,
 ) -> list[Pose]:
     """Poses that bring all views together best, from ``poses`` on; the first ``fixed`` stay.
 
     Links are ``reach[0]`` mm long at first and ``reach[1]`` at last. ``held`` (m, 6n) are motions
-    of all poses that are not made.
+    of all poses that are not made. It is done when a round moves no view by ``still`` mm, or by
+    `_STILL`.
     """
     now = list(poses)
     limit = reach[0]
     for _ in range(rounds):
-        links = all_links(views, now, samples, limit, fixed)
+        links = all_links(views, now, asked, limit)
         if not links:
             break
         middles = middles_of(views, now)
         e = equations(links, middles)
         step = _solve(e, held, fixed)
-        now = [
-            _moved(p, step[6 * i : 6 * i + 6], m)
-            for i, (p, m) in enumerate(zip(now, middles, strict=True))
-        ]
+        for i in range(fixed, len(now)):
+            now[i] = _moved(now[i], step[6 * i : 6 * i + 6], middles[i])
         weight = np.trace(e.motion[3:6, 3:6]) + 1e-300
         largest = np.sqrt(max(float(step @ e.motion @ step) / weight, 0.0))
         usual = float(np.median(np.concatenate([k.sigma for k in links])))
-        if limit <= reach[1] and largest < _STILL * usual:
+        if limit <= reach[1] and largest < max(still, _STILL * usual):
             break
         limit = max(reach[1], _SHRINK * limit)
     return now
