@@ -43,7 +43,7 @@ _FINE = 4.0
 _CLOSE = 0.2
 """… sample spacings: the length of the last links of a trial."""
 _THIN = 0.5
-"""Spacing of the points that trials are looked for on, in lengths of the last links."""
+"""Spacing of the points that trials are looked for on at first, in lengths of the last links."""
 _SAME = 0.5
 """Placements whose points lie fewer sample spacings apart are one."""
 _BASIN = 1.0
@@ -78,7 +78,7 @@ class Desk:
     spaces: list[Empty] = field(init=False)
     pairs: list[Sampled] = field(init=False)
     light: list[View] = field(init=False)
-    """The views with no more points than trials need."""
+    """The views with no more points than the first rounds of a trial need."""
 
     def __post_init__(self) -> None:
         self.step = coarse(self.views)
@@ -103,15 +103,17 @@ class Desk:
         return _Found(pose, fit(views, poses, spaces, samples, n, range(n), self.step))
 
     def refined(
-        self, i: int, placed: Placed, start: Pose, rounds: int, begin: float | None = None
-    ) -> Pose:
+        self, i: int, placed: Placed, start: Pose, rounds: int, begin: float | None = None,
+        quick: bool = False,
+    ) -> Pose:  # fmt: skip
         """Where view i comes to lie on the placed views from ``start``, in so many rounds.
 
         Its few samples alone are looked for on the others: that comes near. Their links are
-        ``begin`` mm long at first, a sample spacing without.
+        ``begin`` mm long at first, a sample spacing without. ``quick``: on no more points of the
+        others than that needs; by edges of a part they can lead astray.
         """
-        some = sorted(placed)
-        views = [*(self.light[j] for j in some), self.views[i]]
+        some, others = sorted(placed), self.light if quick else self.views
+        views = [*(others[j] for j in some), self.views[i]]
         n = len(some)
         asked = {(n, k): self.few[i] for k in range(n)}
         poses = [*(placed[j] for j in some), start]
@@ -151,7 +153,7 @@ class Desk:
         for start, _ in placements(self.pairs[j], self.pairs[i], _TRIED):
             if any(_apart(start, o, points) < _BASIN * self.step for o in out):
                 continue
-            near = self.refined(i, {j: Pose()}, start, _FIRST)
+            near = self.refined(i, {j: Pose()}, start, _FIRST, quick=True)
             if not self._promising(i, j, near):
                 continue
             found = self.trial(i, {j: Pose()}, near, fine=False)
