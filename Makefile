@@ -18,9 +18,14 @@ help: ## list the targets
 
 setup: $(COMPILED) ## make .venv with turnscan, compiled, and everything needed to work on it
 
-$(STAMP): pyproject.toml constraints.txt
+# With CI (any value but 0, false, no, off) what `make drivers` adds comes along at once, and must.
+IN_CI := $(filter-out 0 false no off,$(CI))
+COMMA := ,
+EXTRAS := dev$(if $(IN_CI),$(COMMA)genicam$(COMMA)cad$(COMMA)gige)
+
+$(STAMP): pyproject.toml constraints.txt | $(if $(IN_CI),system)
 	$(PYTHON) -m venv $(VENV)
-	$(INSTALL) -e '.[dev]'
+	$(INSTALL) -e '.[$(EXTRAS)]'
 	touch $@
 
 # It compiles what the sources of the kernels say, and takes a second where these did not change.
@@ -30,8 +35,7 @@ $(COMPILED): $(STAMP) $(shell find src/turnscan -name '*.py')
 
 # What the tests compare with and drive: independent readers of our files, the GigE Vision library
 # with its fake camera, a C compiler and a browser. Without CI the tests of what is missing are
-# skipped, and pytest's summary says so; with CI (any value but 0, false, no, off) they fail.
-IN_CI := $(filter-out 0 false no off,$(CI))
+# skipped, and pytest's summary says so; with CI they fail.
 PROGRAMS := assimp dxf2vrml ogr2ogr arv-fake-gv-camera-0.8 cc
 SYSTEM_PACKAGES := assimp-utils dime gdal-bin \
 	aravis-tools aravis-tools-cli gir1.2-aravis-0.8 \
@@ -63,6 +67,13 @@ WORKERS ?= 3
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder
 test: drivers ## run all tests
 	$(PYTEST) --durations=20
+
+# Each process of make test reads all test modules. After this they need not each put pytest's
+# own words for what fails into them, which takes longer than to read them.
+.PHONY: collect
+collect: drivers ## read the test modules once, ahead of make test
+	@$(BIN)/python -m pytest --collect-only -q >$(VENV)/collected \
+	     || { cat $(VENV)/collected; exit 1; }
 
 # The pure rooms, the contracts and one look through each door: scan file, command line, browser's
 # server, browser, boards, guard.
@@ -141,7 +152,7 @@ mutants: setup ## put faults into copies of the sources and say which no test no
 	$(BIN)/python -m bench.mutants
 
 docs: setup ## build the documentation into docs/_build/html
-	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
+	$(BIN)/sphinx-build -j auto -q -W -b html docs docs/_build/html
 
 clean: ## remove what the other targets made
 	rm -rf $(VENV) .bench .interpreters demo-output docs/_build

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections import Counter
@@ -51,15 +52,33 @@ class ByModule(LoadScopeScheduling):
     """A module's tests go to one process, so that what they share is made once.
 
     All that drives a browser goes to one process: it draws with the processor, and two of them
-    leave nothing of two cores to the boards and leases that other tests wait for.
+    leave nothing of two cores to the boards and leases that other tests wait for. So does what
+    looks through all sources, which are parsed once there.
     """
 
     def _split_scope(self, nodeid: str) -> str:
-        return "browser" if "app/e2e/" in nodeid else nodeid.partition("::")[0]
+        module = nodeid.partition("::")[0]
+        if module.startswith("tests/app/e2e/"):
+            return "browser"
+        return "sources" if module in PARSING else module
+
+
+PARSING = [f"tests/contracts/test_{name}.py" for name in ("contracts", "doors", "harness", "words")]
 
 
 LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
 """Rooms of many short modules: they fill the processes evenly while the last long ones end."""
+
+
+gc.set_threshold(50_000, 20, 20)
+"""Garbage is searched for less often than after each 700 new objects: a process of tests keeps
+millions, of modules and of their syntax trees, and looked through them again and again."""
+
+
+def pytest_collection_finish() -> None:
+    """What is there before the first test stays to the end, and is looked through no more."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.contracts.sources import nodes
+
 TOP = Path(__file__).parents[2]
 
 BANNED = {
@@ -75,14 +77,13 @@ _IN_FRONT_END = re.compile(r'"((?:[^"\\\n]|\\.)*)"|`((?:[^`\\]|\\.)*)`|>([^<>{}=
 
 def _python(path: Path) -> Iterator[tuple[int, str]]:
     """Texts of a module, and the first lines of its docstrings."""
-    tree = ast.parse(path.read_text())
     docstrings = set()
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             docstrings.add(id(node.value))
             if isinstance(node.value.value, str):
                 yield node.lineno, node.value.value.strip().split("\n")[0]
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if not isinstance(node, ast.Constant) or not isinstance(node.value, str):
             continue
         if id(node) not in docstrings and _SENTENCE.search(node.value):

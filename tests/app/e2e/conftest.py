@@ -156,6 +156,8 @@ def new_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
             page.wait_for_url(lambda url: "login" not in url)
             until(page, "'turnscan' in window && turnscan.connection === 'open'")
             server.cookies = context.storage_state()
+            if not place:  # where the link has led to
+                return page
         page.goto(server.address + place)
         until(page, "'turnscan' in window && turnscan.connection === 'open'")
         return page
