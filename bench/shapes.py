@@ -42,6 +42,7 @@ from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.shapes import calibration_moves
 from turnscan.shapes.primitives import (
+    Shape,
     ShapeSet,
     ShapeSize,
     find_edges,
@@ -49,14 +50,23 @@ from turnscan.shapes.primitives import (
     sharpened,
     sizes_between,
 )
-from turnscan.shapes.primitives._edges import normals_and_distances
+from turnscan.shapes.primitives import _surface_kernels as surface
+from turnscan.shapes.primitives._find import sigma_of
+from turnscan.shapes.primitives._shapes import KINDS
+from turnscan.shapes.primitives._surface_kernels import FREE
 from turnscan.simulate import Bench, Part, SimulationSpec
+from turnscan.simulate._truth import Distance
 
 PAGE = DOCS / "how-to" / "shapes.md"
 PARTS = ("hexagon", "shaft", "bracket", "grooves", "torus", "gear")
 STEPS = 200
 _ALIKE = 0.05
 """Of a true size (at least 0.5 mm): a measured one further off is not it."""
+_STEP = 1e-4
+"""mm: for the slope of a distance."""
+_MOST = 0.75
+"""Share of the points of a shape of which the part must have such a surface: others lie beside its
+edges."""
 _LOOSE = 0.05
 """mm: scatter beyond which a point has less say in the alignment."""
 
@@ -146,6 +156,8 @@ class Found:
     """Seconds of the processor."""
     made: Bench
     believed: Rig
+    usual: float
+    """mm: median sigma of the points of the scan."""
 
 
 def found_on(task: Task, folder: Path) -> Found:
@@ -158,12 +170,14 @@ def found_on(task: Task, folder: Path) -> Found:
     grids = to_grids(seen, wanted).grids
     mesh = to_mesh(grids, wanted, rig=believed).mesh
     moves = list(calibration_moves(mesh, source_of(grids, believed)))
+    known = sigma_of(mesh)
+    usual = math.nan if known is None else float(np.median(known))
     if task.plain:
         mesh, moves = Mesh(mesh.vertices.astype(np.float32).astype(float), mesh.faces), []
     start = time.process_time()
     found = find_shapes(mesh, moves=moves)
     sizes = sizes_between(mesh, found)
-    return Found(mesh, found, sizes, time.process_time() - start, made, believed)
+    return Found(mesh, found, sizes, time.process_time() - start, made, believed, usual)
 
 
 def _believed(task: Task, made: Bench, folder: Path) -> Rig:
@@ -185,7 +199,7 @@ def measured_part(task: Task, folder: Path) -> list[str]:
     lines = [line for t in TRUTHS.get(name, ()) for line in _lines(name, t, f.sizes)]
     near = _near_edges(f.mesh, f.shapes, part, place)
     edges = [] if near is None else [near.line(name)]
-    rest = _rest(name, f.shapes, f.mesh, part, place, f.spent)
+    rest = _rest(name, f.shapes, f.mesh, part, place, f.spent, f.usual)
     return [*lines, *edges, rest]
 
 
@@ -314,7 +328,33 @@ def _near_edges(mesh: Mesh, found: ShapeSet, part: Part, place: Pose) -> _NearEd
     return _NearEdges(out[0], out[1], on, sum(e.form == "sharp" for e in edges))
 
 
-def _rest(name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent: float) -> str:
+def _is_there(s: Shape, X: Floats, place: Pose, distance: Distance, usual: float) -> bool:
+    """Whether the part has a shape where one was found, of which points lie at ``X`` (n, 3) in the
+    part's frame: the places of the true surface nearest to most of them lie on a surface of that
+    kind, of about that radius, and it is where it was found, to the ``usual`` sigma of the scan.
+
+    The tolerance of the search is no measure: without sigmas it may be wide enough for anything.
+    """
+    n = np.stack([distance(X + _STEP * e) - distance(X - _STEP * e) for e in np.eye(3)], axis=1)
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12)
+    true = np.ascontiguousarray(place.inverse().apply(X - distance(X)[:, None] * n))
+    kind = KINDS.index(s.kind)
+    every, scale = np.arange(len(true)), np.full(len(true), usual / 3)
+    size = 4 * float(np.linalg.norm(np.ptp(true, axis=0)))
+    q = surface.slid(kind, s.numbers, true, every)
+    q, cost = surface.fitted(kind, q, true, scale, every, FREE[kind], 4.0, size, 60)
+    if not np.isfinite(cost):
+        return False
+    on = np.abs(surface.distances(kind, q, true)[0]) <= usual / 3
+    found = np.abs(s.distances(true)) <= usual
+    wide = max(4 * s.radius_sigma, _ALIKE * s.radius, usual)
+    round_ = s.kind in ("plane", "cone") or abs(float(q[6]) - s.radius) <= wide
+    return bool(min(on.mean(), found.mean()) >= _MOST and round_)
+
+
+def _rest(
+    name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent: float, usual: float
+) -> str:
     """What was found, how much of the surface it covers, and what of it is not there."""
     kinds = [s.kind for s in found.shapes]
     told = ", ".join(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
@@ -322,9 +362,7 @@ def _rest(name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent
     if part.distance is not None:
         for k, s in enumerate(found.shapes):
             X = np.asarray(mesh.vertices[found.used & (found.label == k)])
-            d, n = normals_and_distances(s, X)
-            off = np.abs(part.distance(place.apply(X - d[:, None] * n)))  # where its points are
-            invented += float(np.median(off)) > found.tolerance
+            invented += not _is_there(s, place.apply(X), place, part.distance, usual)
     return (
         f"| {name} | {told or 'no shape'} on {found.coverage:.0%} | | {invented} invented | | "
         f"| {len(mesh.faces)} faces, {spent:.1f} s |"

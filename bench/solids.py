@@ -31,7 +31,6 @@ from bench.surface_truth import scanned
 from turnscan import workflows as w
 from turnscan.drawings import read_step
 from turnscan.mesh import is_closed
-from turnscan.shapes import volume_sigma
 from turnscan.simulate import SimulationSpec
 
 PAGE = DOCS / "how-to" / "shapes.md"
@@ -139,7 +138,7 @@ def row(case: Case, folder: Path) -> Row:
     mesh, true = found.mesh, math.nan if case.lid else truth.made_mesh(made).volume
     volume = back.volume if back.solids else math.nan
     closed = is_closed(mesh)
-    u = volume_sigma(mesh, surface.reconstruction.source).total if closed else math.nan
+    u = math.nan if step.volume is None else step.volume.sigma
     of = step.figures
     made_of = ""
     if step.made is not None:
@@ -188,8 +187,9 @@ def _said(lines: Sequence[str]) -> list[str]:
     return [
         "",
         summary(lines),
-        "u is the standard uncertainty of the mesh's volume. The mesh of a mug or a cup has a lid, "
-        "so it is compared with no true volume.",
+        "u is the standard uncertainty of the solid's volume, by its shapes, the rest of the "
+        "surface, and what was filled. The mesh of a mug or a cup has a lid, so it is compared "
+        "with no true volume.",
     ]
 
 

@@ -36,8 +36,7 @@ from turnscan.drawings import read_step
 from turnscan.formats import export
 from turnscan.mesh import Mesh, is_closed
 from turnscan.progress import no_progress
-from turnscan.shapes import deviation, volume_sigma
-from turnscan.shapes._volume import VolumeSigma
+from turnscan.shapes import deviation
 from turnscan.shapes.primitives._find import sigma_of
 from turnscan.shapes.primitives._regions import LEAST, SPAN, Ground, poor, prepared, spanned
 from turnscan.shapes.primitives._shapes import KINDS
@@ -91,10 +90,9 @@ def recovered(task: Task, folder: Path) -> list[str]:
     joined = w.join(scans, reference=None if task.free else drawing, close=True)
     found = w.find_shapes(joined)
     moved = w.compare(joined, drawing, align="shape" if task.free else "none")
-    known = volume_sigma(found.mesh, joined.reconstruction.source)
     return [
         *_told(drawn, found, moved, in_sight(drawn, made, task.steps)),
-        *_solid(drawn, found, known),
+        *_solid(drawn, found),
     ]
 
 
@@ -227,21 +225,18 @@ def _not_found(drawn: Nominal, of: Faces, got: Bools) -> list[str]:
     return lines
 
 
-def _solid(drawn: Nominal, found: w.FoundShapes, sigma: VolumeSigma) -> list[str]:
+def _solid(drawn: Nominal, found: w.FoundShapes) -> list[str]:
     """What the STEP holds, and its volume against the drawing's and the mesh's."""
-    made, u = found.step, sigma.total
+    made = found.step
     back = read_step(made.data)
     mesh = "the mesh is open"
     if is_closed(found.mesh):
         known = found.mesh.measured
         filled = 0.0 if known is None else found.mesh.area_of(~known) / found.mesh.area_of()
-        mesh = (
-            f"mesh {found.mesh.volume:.0f} ± {u:.0f} mm³ ({sigma.measured:.0f} without what was "
-            f"filled), {filled:.0%} of its surface filled, u mostly from {sigma.mostly}"
-        )
-        if back.solids:
-            off = (back.volume - drawn.mesh.volume) / u
-            mesh += f"; the solid is off the drawing by {off:+.2f} u"
+        mesh = f"mesh {found.mesh.volume:.0f} mm³, {filled:.0%} of its surface filled"
+    if made.volume is not None and back.solids:
+        off = (back.volume - drawn.mesh.volume) / made.volume.sigma
+        mesh += f"; the solid is off the drawing by {off:+.2f} u"
     held = f"{back.solids} solids, {back.faces} faces, {'valid' if back.valid else 'not valid'}"
     volume = f", {back.volume:.0f} mm³" if back.solids else ""
     other = read_by_freecad(made.data)

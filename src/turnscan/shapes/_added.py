@@ -51,8 +51,9 @@ class Added:
     """mm³: its standard uncertainty."""
 
 
-def added_part(mesh: Mesh) -> Added:
-    """What the faces of a closed mesh that were not measured add to its volume.
+def added_part(mesh: Mesh, faces: Bools | None = None) -> Added:
+    """What the faces of a closed mesh that were not measured add to its volume; with ``faces`` (f,)
+    only as much of each filling is doubted as these have of its area.
 
     Each patch of them is doubted by Σ A δ, δ the distance of a face's middle from the tangent plane
     of the measured vertex nearest to it. A flat filling of a round part is wrong by about 0.6 of
@@ -69,7 +70,7 @@ def added_part(mesh: Mesh) -> Added:
     if not known.any():
         return Added(0.0, abs(mesh.volume))
     normals = border_normals(mesh, known, real)
-    area, _ = face_vectors(mesh)
+    area, size = face_vectors(mesh)
     doubt = np.zeros(len(area))
     doubt[~real] = _doubt(mesh, known, normals, area[~real])
     volume = sigma = 0.0
@@ -78,10 +79,12 @@ def added_part(mesh: Mesh) -> Added:
         across = np.cross(from_middle[:, 1], from_middle[:, 2])
         volume += float(np.einsum("ij,ij->", from_middle[:, 0], across)) / 6
         lean = _lean(mesh, mine, border, area[mine], normals)
+        part = 1.0 if faces is None else float(size[mine] @ faces[mine] / size[mine].sum())
         if lean.share is None:
-            sigma += float(np.linalg.norm(area[mine].sum(axis=0))) * _sample(mesh, real, border)
+            lid = float(np.linalg.norm(area[mine].sum(axis=0)))
+            sigma += part * lid * _sample(mesh, real, border)
         else:
-            sigma += lean.share * float(doubt[mine].sum())
+            sigma += part * lean.share * float(doubt[mine].sum())
     return Added(volume, sigma)
 
 

@@ -76,8 +76,13 @@ class VolumeSigma:
         return max(parts, key=lambda k: parts[k])
 
 
-def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
+def volume_sigma(
+    mesh: Mesh, source: Source | None = None, faces: Bools | None = None
+) -> VolumeSigma:
     """How well the volume within a closed mesh is known, as far as its ``source`` is.
+
+    With ``faces`` (f,) only these are in doubt, the others lie on something that is known better;
+    what fillings hide counts all the same.
 
     - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i and
       σᵢ their sigma, the usual one at most.
@@ -96,12 +101,14 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
       the rig's covariance (`calibration_moves`) and those of the source; they do not average out.
     """
     known = source or Source()
-    shares = _shares(mesh)
+    shares = _shares(mesh, faces)
     common = moved(shares, chain(calibration_moves(mesh, known), known.moves))
     between = profile_sigma(known.profiles, mesh)
-    more = added_part(mesh)
+    if between and faces is not None:
+        between *= mesh.area_of(faces) / mesh.area_of()
+    more = added_part(mesh, faces)
     noise, alike = _noise(mesh, shares)
-    bulge = abs(_bulge(mesh))
+    bulge = abs(_bulge(mesh, faces))
     hollow = hollow_sigma(mesh, known.every_view)
     return VolumeSigma(noise, bulge, more.sigma, between, common, alike, hollow, more.volume)
 
@@ -134,9 +141,11 @@ def volume_in_words(figures: Mapping[str, float | None]) -> str:
     return text
 
 
-def _shares(mesh: Mesh) -> Floats:
-    """(v, 3) mm²: ∂V/∂vertex, a third of the vector area of the faces about each."""
-    sixth = np.repeat(_twice(mesh)[:, None] / 6, 3, axis=1).reshape(-1, 3)
+def _shares(mesh: Mesh, faces: Bools | None = None) -> Floats:
+    """(v, 3) mm²: ∂V/∂vertex, a third of the vector area of the faces about each; of ``faces`` (f,)
+    alone where they are given."""
+    twice = _twice(mesh) if faces is None else np.where(faces[:, None], _twice(mesh), 0.0)
+    sixth = np.repeat(twice[:, None] / 6, 3, axis=1).reshape(-1, 3)
     count = len(mesh.vertices)
     total = [np.bincount(mesh.faces.ravel(), sixth[:, k], minlength=count) for k in range(3)]
     return np.stack(total, axis=-1)
@@ -163,25 +172,26 @@ def mean_curvature(mesh: Mesh) -> float:
 
     Half the sum of length times angle over its sides; 4πR for a ball.
     """
-    length, angle, _, _ = _sides(mesh)
+    length, angle, _, _ = _sides(mesh, None)
     return float((length * angle).sum() / 2)
 
 
-def _bulge(mesh: Mesh) -> float:
-    """mm³ by which a smooth surface through the vertices of a closed mesh holds more than it.
+def _bulge(mesh: Mesh, faces: Bools | None) -> float:
+    """mm³ by which a smooth surface through the vertices of a closed mesh holds more than it, over
+    sides between ``faces`` (f,) where they are given.
 
     No face counts as wider than nearly all are (`_WIDEST`).
     """
-    length, angle, wide, real = _sides(mesh)
+    length, angle, wide, real = _sides(mesh, faces)
     if not real.any():
         return 0.0
     wide = np.minimum(wide, np.quantile(wide[real], _WIDEST))
     return float((length * angle * wide**2)[real].sum() / 12)
 
 
-def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats, Bools]:
+def _sides(mesh: Mesh, chosen: Bools | None) -> tuple[Floats, Floats, Floats, Bools]:
     """(s,) for each side its length, the angle of the faces there, and their mean height over it,
-    and True where both were measured.
+    and True where both were measured, and ``chosen`` (f,) if some are.
 
     Sides of faces without area are left out.
     """
@@ -201,6 +211,8 @@ def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats, Bools]:
     angle = np.arctan2(turned, np.einsum("ij,ij->i", n[f], n[there]))
     known = mesh.measured
     real = np.ones(len(f), np.bool_) if known is None else known[f] & known[there]
+    if chosen is not None:
+        real &= chosen[f] & chosen[there]
     return length, angle, (size[f] + size[there]) / (2 * length), real
 
 

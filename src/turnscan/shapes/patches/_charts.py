@@ -36,7 +36,11 @@ _SPREAD = 8
 """Rings beside a shape, or a swept piece, that are looked at: whether they lie on it, too."""
 _OPEN = float(np.cos(np.deg2rad(55.0)))
 """Cosine of how far normals may lean from the middle one of a chart, nearly all of them."""
-_NEARLY = 0.99
+_NEARLY, _TIP = 0.99, 2.0
+"""Share of its vertices that a surface must be within the limit of; and the limits that a vertex
+and those about it may stand off it on average, however few they are: the tip of a nose, a lip."""
+_ABOUT = 3
+"""Neighbours that tell so, at least."""
 _SWEPT = 0.5
 """Share of the measured vertices of a freeform chart that may belong to one swept piece, at least,
 for its profile to be tried."""
@@ -92,6 +96,7 @@ class Charting:
         size = np.linalg.norm(self.normal, axis=1, keepdims=True)
         self.normal /= np.maximum(size, 1e-300)
         self.vertex_normal = normal
+        self.start, self.near = region.neighbours(mesh.faces, len(mesh.vertices))
         self.middle = mesh.triangles.mean(axis=1)
         self.known = measured_vertices(mesh)
         t = mesh.triangles
@@ -322,7 +327,9 @@ class Charting:
             own, between = np.abs(off[: len(wide)][asked]), np.abs(off[len(wide) :])
             if more and float((between <= self.found.tolerance).mean()) < _NEARLY:
                 return False
-            return float((own <= self.limit[wide[asked]]).mean()) >= _NEARLY
+            if float((own <= self.limit[wide[asked]]).mean()) < _NEARLY:
+                return False
+            return not self._off_together(wide[asked], off[: len(wide)][asked])
 
         one = self._sweep_of(corners)
         if one is not None and not self.unswept[faces].any():
@@ -335,6 +342,19 @@ class Charting:
                 return swept
         patch, off = fitted_patch(sample, up)
         return patch if fits(off) else None
+
+    def _off_together(self, vertices: Ints, off: Floats) -> bool:
+        """Whether one of some vertices and its neighbours among them stand far off a surface, by
+        ``off`` (n,) mm, on average: noise does not."""
+        share = np.full(len(self.mesh.vertices), np.nan)
+        share[vertices] = off / self.limit[vertices]
+        far = vertices[np.abs(share[vertices]) > _TIP]
+        for k in far.tolist():
+            about = share[self.near[self.start[k] : self.start[k + 1]]]
+            about = about[np.isfinite(about)]
+            if len(about) >= _ABOUT and abs(float(about.mean())) > _TIP:
+                return True
+        return False
 
     def _inside_wide_faces(self, faces: Ints) -> tuple[Floats, Floats]:
         """(n, 3) mm within those of some faces that are far wider than usual, such as of a lid, and

@@ -8,6 +8,7 @@ from turnscan.shapes.primitives._orientation import orientation_errors
 from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
 from turnscan.shapes.primitives._sharpened import Sharpened, sharpened
 from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_between
+from turnscan.shapes.primitives._volume import shapes_volume_sigma, volume_slopes
 
 __all__ = [
     "Edge",
@@ -28,6 +29,8 @@ __all__ = [
     "neighbours_of",
     "normals_and_distances",
     "orientation_errors",
+    "shapes_volume_sigma",
     "sharpened",
     "sizes_between",
+    "volume_slopes",
 ]

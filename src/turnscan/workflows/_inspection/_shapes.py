@@ -17,6 +17,7 @@ from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
+from turnscan.shapes import Source as MadeFrom
 from turnscan.shapes.primitives import (
     Edge,
     FormError,
@@ -78,6 +79,8 @@ class FoundShapes:
     """(v, 3) mm each: how the mesh moves with one standard deviation of each common cause."""
     with_edges: bool = False
     """Whether the mesh that is saved has the true edges."""
+    made_from: MadeFrom | None = None
+    """Grids, rig and common causes of the mesh, where they are known."""
 
     # A solid needs none of the following, and each costs about as much as finding the shapes.
     @cached_property
@@ -149,7 +152,15 @@ class FoundShapes:
 
     def _step(self, progress: Progress) -> StepFile:
         about = {"source": Path(self.name).name, **self.about}
-        return step_of(self.mesh, self.found, lambda: self.swept, self.name, about, progress)
+        return step_of(
+            self.mesh,
+            self.found,
+            lambda: self.swept,
+            self.name,
+            about,
+            progress,
+            made_from=self.made_from,
+        )
 
     def save(self, *paths: str | Path, progress: Progress = no_progress) -> list[Finding]:
         """Write the coloured mesh (.ply or .glb) or a solid (.step, .stp, .igs or .iges).
@@ -259,6 +270,7 @@ def find_shapes(
         find_edges(loaded.mesh, found),
         moves,
         wanted.edges,
+        loaded.made_from,
     )
 
 

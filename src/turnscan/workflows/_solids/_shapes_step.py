@@ -26,7 +26,7 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh, is_closed, measured_vertices, submesh
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
-from turnscan.shapes import volume_sigma
+from turnscan.shapes import Source, volume_sigma
 from turnscan.shapes.patches import Charts, ExtrudedPatch, ShapePatch, SplinePatch, TurnedPatch
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_and_distances
 from turnscan.shapes.swept import Swept
@@ -37,6 +37,7 @@ from turnscan.workflows._solids._face_deviations import (
 )
 from turnscan.workflows._solids._shapes_shell import shell_under
 from turnscan.workflows._solids._shapes_table import finite
+from turnscan.workflows._solids._solid_volume import SolidVolume, solid_volume
 
 _ALIKE = 0.01
 """Share of the volume that a solid may differ from the mesh by: a mesh cuts its edges."""
@@ -72,6 +73,8 @@ class StepFile:
     """Faces, volumes, and how far the measured points lie off it, by name with the unit."""
     deviations: FaceDeviations | None = None
     """How measured points lie to its faces."""
+    volume: SolidVolume | None = None
+    """Of a solid, with its uncertainty."""
 
     @property
     def solid(self) -> bool:
@@ -103,13 +106,14 @@ def iges_of(solid: Solid, name: str) -> bytes:
 def step_of(
     mesh: Mesh, found: ShapeSet, swept: Callable[[], Sequence[Swept]], name: str,
     about: Mapping[str, object], progress: Progress = no_progress,
+    made_from: Source | None = None,
 ) -> StepFile:  # fmt: skip
     """A part as STEP AP242, each face in the colour of its deviation.
 
     It is the solid that the shapes close to. Where they do not, it is made of their parts that were
     measured and of B-splines fitted to the rest, a shell if the mesh is open; triangles stand where
     no surface is within the tolerance. ``swept`` finds the swept pieces of the rest, where they are
-    needed.
+    needed; ``made_from`` is what the uncertainty of the volume hangs on, as far as it is known.
 
     Raises InputError where OpenCASCADE is not installed, ExportError where the file does not read
     back the same; Cancelled where it is no longer wanted.
@@ -119,12 +123,14 @@ def step_of(
     title = Path(name).stem or "part"
     made, why = _analytic(mesh, found)
     if made is None:
-        return _of_patches(mesh, found, swept(), title, about, why, progress.subrange(0.2, 1.0))
+        rest = progress.subrange(0.2, 1.0)
+        return _of_patches(mesh, found, swept(), title, about, why, rest, made_from)
     sigma = _sigma(mesh, measured_vertices(mesh))
     off = face_deviations(made.distance, made.face, made.facets, made.solid.faces, sigma=sigma)
     file = _written(off, found, made.solid, title, about)
     closing = f", {made.added} of them planes of fillings, not measured" if made.added else ""
-    return _told(mesh, found, file, closing, {"faces_not_measured": made.added})
+    volume = solid_volume(made.solid.volume, mesh, found, made.facets, made_from)
+    return _told(mesh, found, file, closing, {"faces_not_measured": made.added}, volume)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +176,7 @@ def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
 
 def _of_patches(
     mesh: Mesh, found: ShapeSet, swept: Sequence[Swept], title: str, about: Mapping[str, object],
-    why: str, progress: Progress,
+    why: str, progress: Progress, made_from: Source | None,
 ) -> StepFile:  # fmt: skip
     shell, charts = shell_under(mesh, found, swept, progress.subrange(0.0, 0.7))
     progress(0.7, "writing the faces and reading them back")
@@ -205,7 +211,8 @@ def _of_patches(
         "faces_triangles": len(alone),
         "triangles": int(left.sum()),
     }
-    told = _told(mesh, found, made, pieces, more)
+    known = solid_volume(solid.volume, mesh, found, facets, made_from) if solid.closed else None
+    told = _told(mesh, found, made, pieces, more, known)
     if not left.any():
         return told
     text = f"no surface is within the tolerance on {left.sum()} triangles: they stand as they are"
@@ -255,9 +262,10 @@ def _written(
 
 
 def _told(
-    mesh: Mesh, found: ShapeSet, made: StepFile, pieces: str, more: Mapping[str, object]
-) -> StepFile:
-    """A file with what there is to say of it."""
+    mesh: Mesh, found: ShapeSet, made: StepFile, pieces: str, more: Mapping[str, object],
+    known: SolidVolume | None,
+) -> StepFile:  # fmt: skip
+    """A file with what there is to say of it; ``known`` is the volume of a solid."""
     solid, off = made.made, made.deviations
     assert solid is not None
     assert off is not None
@@ -267,6 +275,7 @@ def _told(
         "faces": solid.faces,
         **more,
         "volume_mm3": finite(solid.volume),
+        **({} if known is None else known.figures()),
         "mesh_volume_mm3": mesh.volume if is_closed(mesh) else None,
         "coverage": found.coverage,
         "deviation_mean_mm": finite(float(np.mean(off.distance)) if len(off.distance) else np.nan),
@@ -283,7 +292,7 @@ def _told(
         where = inward if is_closed(mesh) else "open as the mesh is"
     solids = "a valid solid" if solid.solids == 1 else f"{solid.solids} valid solids"
     what = f"{solids if solid.closed else f'a valid shell, {where},'} of"
-    volume = f": {solid.volume:.1f} mm³" if solid.closed else ""
+    volume = "" if known is None else f": {known}"
     times = off.rms_over_sigma
     over = f", {times:.2f} of their own uncertainties (rms)" if np.isfinite(times) else ""
     text = (
@@ -291,7 +300,7 @@ def _told(
         f"off it{over}, 95 % of them within {off.quantile(0.95):.4f} mm"
     )
     code = "shapes.solid" if solid.closed else "shapes.shell"
-    return replace(made, findings=(Finding(code, "note", text),), figures=figures)
+    return replace(made, findings=(Finding(code, "note", text),), figures=figures, volume=known)
 
 
 def _against(mesh: Mesh, solid: Solid | None) -> str:

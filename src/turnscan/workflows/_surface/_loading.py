@@ -14,6 +14,7 @@ from turnscan.formats import read_about
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import Scan
+from turnscan.shapes import Source as MadeFrom
 from turnscan.workflows._files._reading import (
     read_mesh_file,
     read_start,
@@ -41,6 +42,8 @@ class Loaded:
     """Whether it was made from a scan, not read from a mesh file."""
     findings: tuple[Finding, ...] = ()
     """Of the reconstruction, where it was one."""
+    made_from: MadeFrom | None = None
+    """Grids, rig and common causes, where they are known."""
 
 
 def load(source: Source, unit: str = "mm", progress: Progress = no_progress) -> Loaded:

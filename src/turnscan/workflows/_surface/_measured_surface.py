@@ -38,7 +38,8 @@ def measured_surface(source: Source, why: str, progress: Progress) -> tuple[Load
         return replace(loaded, findings=(*loaded.findings, *_unit(loaded))), []
     done = source.reconstruction
     known = done.source or source_of(done.grids, source.rig)
-    return loaded, [*calibration_moves(loaded.mesh, known), *known.moves]
+    moves = [*calibration_moves(loaded.mesh, known), *known.moves]
+    return replace(loaded, made_from=known), moves
 
 
 def _unit(loaded: Loaded) -> list[Finding]:

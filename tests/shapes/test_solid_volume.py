@@ -1,0 +1,105 @@
+"""The volume of a solid is as well known as the shapes that bound it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.needs import needs
+from tests.shapes.solids import noisy, prism, turned
+from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
+from turnscan.shapes.primitives import find_shapes, shapes_volume_sigma, volume_slopes
+from turnscan.shapes.primitives._surface_kernels import frame
+from turnscan.workflows._inspection._shapes import find_shapes as found_on
+
+BOX = [(0.0, 0.0), (24.0, 0.0), (24.0, 16.0), (0.0, 16.0)]
+TUBE = [(9.0, 0.0), (14.0, 0.0), (14.0, 20.0), (9.0, 20.0), (9.0, 0.0)]
+SIGMA = 0.02
+
+
+def _moved(mesh: Mesh, X: Floats) -> float:
+    return replace(mesh, vertices=X).volume
+
+
+def test_slopes_are_what_the_volume_does_when_a_shape_moves() -> None:
+    """Walls and ends of a tube: each radius, and each end's shift and tilt, by moving the mesh."""
+    mesh = turned(TUBE, 0.5, 180)
+    found = find_shapes(noisy(mesh, 1e-4, 1), relations=False)
+    assert sorted(s.kind for s in found.shapes) == ["cylinder", "cylinder", "plane", "plane"]
+    t, r = mesh.triangles, np.hypot(*mesh.vertices[:, :2].T)
+    own = np.full(len(t), -1, dtype=np.int32)
+    for k, s in enumerate(found.shapes):
+        own[np.abs(s.distances(t.reshape(-1, 3))).reshape(-1, 3).max(axis=1) < 0.01] = k
+    assert (own >= 0).all()
+    slope = volume_slopes(found, t, own).reshape(-1, 7)
+    whole, step = mesh.volume, 1e-4
+    for k, s in enumerate(found.shapes):
+        on = np.abs(s.distances(mesh.vertices)) < 0.01
+        X = mesh.vertices.copy()
+        if s.kind == "plane":
+            for j, e in enumerate(frame(s.axis)):
+                X[on] -= step * ((X[on] - s.point) @ e)[:, None] * s.axis
+                tilt = (_moved(mesh, X) - whole) / step
+                assert slope[k, j] == pytest.approx(tilt, abs=2e-3 * mesh.area_of())
+                X = mesh.vertices.copy()
+            X[on] += step * s.axis
+            at = 4
+        else:
+            X[on, :2] *= 1 + step / r[on, None]
+            at = 5
+        assert slope[k, at] == pytest.approx((_moved(mesh, X) - whole) / step, rel=0.01)
+
+
+def test_shapes_alone_say_how_well_a_volume_is_known() -> None:
+    """Eight boxes with noise: volumes of the shapes' own prism scatter as the shapes say."""
+    needs("OpenCASCADE")
+    mesh = prism(BOX, 12.0, 1.0)
+    off, said = list[float](), list[float]()
+    t = _with_lids(mesh)
+    for seed in range(8):
+        step = found_on(noisy(t, SIGMA, seed)).step
+        assert step.volume is not None
+        assert step.figures["faces"] == 6
+        off.append(step.volume.value - 24 * 16 * 12)
+        said.append(step.volume.shapes)
+        assert step.volume.sigma == pytest.approx(step.volume.shapes, rel=0.5)
+        assert f"± {step.volume.sigma:.3g} mm³" in step.findings[0].message
+        assert step.figures["volume_sigma_mm3"] == step.volume.sigma
+    z = np.array(off) / np.array(said)
+    assert 0.4 < np.sqrt(np.mean(z**2)) < 1.7
+
+
+def _with_lids(walls: Mesh) -> Mesh:
+    """A box of the walls of a prism, with even vertices on top and bottom."""
+    x, y = np.arange(0, 25.0), np.arange(0, 17.0)
+    flat = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(24), np.arange(16), indexing="ij"))
+    a = i * 17 + j
+    up = np.concatenate([np.column_stack([a, a + 17, a + 18]), np.column_stack([a, a + 18, a + 1])])
+    X, F = [walls.vertices], [walls.faces]
+    for height, faces in ((12.0, up), (0.0, up[:, ::-1])):
+        F.append(faces + sum(map(len, X)))
+        X.append(np.column_stack([flat, np.full(len(flat), height)]))
+    every = np.round(np.concatenate(X), 6)
+    once, back = np.unique(every, axis=0, return_inverse=True)
+    return Mesh(once, back.reshape(-1)[np.concatenate(F)])
+
+
+def test_a_calibration_moves_all_faces_of_a_solid_at_once() -> None:
+    """A scale that is unknown by a part in a thousand makes three of a volume."""
+    mesh = _with_lids(prism(BOX, 12.0, 1.0))
+    quiet = noisy(mesh, 1e-4, 1)
+    found = find_shapes(quiet, moves=[1e-3 * quiet.vertices])
+    t = mesh.triangles
+    own = np.array(
+        [
+            int(np.argmin([np.abs(s.distances(corners)).max() for s in found.shapes]))
+            for corners in t
+        ],
+        dtype=np.int32,
+    )
+    assert len(found.shapes) == 6
+    assert shapes_volume_sigma(found, t, own) == pytest.approx(3e-3 * mesh.volume, rel=0.01)
