@@ -43,6 +43,8 @@ _BEVEL = 0.1
 _RIM, _LEFT = 3, 0.2
 """The same once more, and at open borders, too, where a region would else miss its surface by more
 than noise: beside the walls of a keyway, and where its floor goes into their shadow."""
+_ALONG = float(np.cos(np.radians(15.0)))
+"""Between normals of surfaces that run into each other without an edge."""
 _SURE = 0.1
 """A radius whose standard uncertainty is more of it than this is none."""
 
@@ -162,13 +164,34 @@ def _settled(g: Ground, found: list[Region]) -> Index:
     return region.settled(label, off, region.Surfaces(kinds, q, side, reach), g.neighbourhood, 6)
 
 
-def _cores(g: Ground, own: Bools) -> Iterator[Bools]:
-    """A region (v,) without its edges, where enough of it is left: first with a narrow rim."""
+def _cores(g: Ground, found: list[Region], label: Index, k: int) -> Iterator[Bools]:
+    """A region (v,) without its edges, where enough of it is left: first with a narrow rim, last
+    only away from where it ends in an edge. A fillet has none beside the walls that it runs into,
+    and without its ends it may be too little of a round to know its radius."""
+    own = np.asarray(label == k, dtype=np.bool_)
     core = region.eroded(own, g.start, g.near, g.border, _EDGE)
     yield core if core.sum() >= _KEEP * own.sum() else own
     core = region.eroded(own & ~g.border, g.start, g.near, np.zeros_like(g.border), _RIM)
     if core.sum() >= _LEFT * own.sum():
         yield core
+    tangent = _tangent(g, found, label, k)
+    if tangent.any():
+        core = own & region.eroded(own | tangent, g.start, g.near, g.border, _EDGE)
+        if core.sum() >= _KEEP * own.sum():
+            yield core
+
+
+def _tangent(g: Ground, found: list[Region], label: Index, k: int) -> Bools:
+    """(v,) vertices of other regions whose surface looks there as that of region k does."""
+    r, out = found[k], np.zeros(len(label), dtype=np.bool_)
+    for j, other in enumerate(found):
+        there = np.flatnonzero(label == j)
+        if j == k or not len(there):
+            continue
+        X = g.vertices[there]
+        one, two = (surface.distances(s.kind, s.q, X)[1] * s.side for s in (r, other))
+        out[there] = np.einsum("ij,ij->i", one, two) > _ALONG
+    return out
 
 
 class _Fit:
@@ -255,12 +278,12 @@ def _finished(
 ) -> ShapeSet:
     fits, owns = list[_Fit](), list[Bools]()
     for k, r in enumerate(found):
-        own = label == k
-        for core in _cores(g, own):
-            fit = _Fit(g, r, own, core)
+        on = np.asarray(label == k, dtype=np.bool_)
+        for core in _cores(g, found, label, k):
+            fit = _Fit(g, r, on, core)
             if _true(g, fit):
                 fits.append(fit)
-                owns.append(own)
+                owns.append(on)
                 break
     order = sorted(range(len(fits)), key=lambda k: -float(g.area[owns[k]].sum()))
     fits = [fits[k] for k in order]

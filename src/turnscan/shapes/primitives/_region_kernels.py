@@ -344,6 +344,60 @@ def eroded(member: Bools, start: Longs, near: Ints, border: Bools, rounds: int) 
 
 
 @njit(cache=True, nogil=True)
+def levelled(
+    member: Longs, value: Floats, start: Longs, near: Ints, rounds: int, place: Longs
+) -> Floats:
+    """Values (n,) of members averaged with those of the members next to them, so many times.
+
+    ``place`` (v,) is room for it: −1, and again afterwards.
+    """
+    for i in range(len(member)):
+        place[member[i]] = i
+    now = value.copy()
+    for _ in range(rounds):
+        then = now.copy()
+        for i in range(len(member)):
+            total, many = then[i], 1
+            for e in range(start[member[i]], start[member[i] + 1]):
+                k = place[near[e]]
+                if k >= 0:
+                    total += then[k]
+                    many += 1
+            now[i] = total / many
+    for i in range(len(member)):
+        place[member[i]] = -1
+    return now
+
+
+@njit(cache=True, nogil=True)
+def largest_piece(member: Longs, start: Longs, near: Ints, place: Longs) -> Longs:
+    """The largest connected piece of members; ``place`` (v,) as for `levelled`."""
+    for i in range(len(member)):
+        place[member[i]] = i
+    done = np.zeros(len(member), dtype=np.bool_)
+    queue, best = np.empty(len(member), dtype=np.int64), member[:0].copy()
+    for first in range(len(member)):
+        if done[first]:
+            continue
+        queue[0], filled, at = first, 1, 0
+        done[first] = True
+        while at < filled:
+            here = member[queue[at]]
+            at += 1
+            for e in range(start[here], start[here + 1]):
+                k = place[near[e]]
+                if k >= 0 and not done[k]:
+                    done[k] = True
+                    queue[filled] = k
+                    filled += 1
+        if filled > len(best):
+            best = member[queue[:filled]]
+    for i in range(len(member)):
+        place[member[i]] = -1
+    return best
+
+
+@njit(cache=True, nogil=True)
 def settled(
     label: Longs, off: Floats, surfaces: Surfaces, ground: Neighbourhood, rounds: int
 ) -> Longs:

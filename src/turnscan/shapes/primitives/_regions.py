@@ -88,6 +88,12 @@ _HOPELESS = (0.26, 0.38)
 """Excess beyond which a region that grows is given up: its surface is that through its points, and
 `_GROWING` of them tell the excess to 0.02; and the same where neighbours are off together, all of
 whose noise counts as excess: one standard deviation of it is a third."""
+_TANGENT, _TRIMS, _LEVEL = (PLANE, CYLINDER), 8, 0.2
+"""Kinds that others are tangent to; how often what such others have is taken off at most; and the
+share of the limit that a point and those about it may stand off on average."""
+_INNER, _LEFT, _FLAT = 0.4, 0.6, 0.08
+"""Shares of a region that must be left while that goes on, and of it in one piece at the end: a
+freeform wall has 0.2 to 0.5; and the pattern that it may have."""
 _STEPS = 6
 """Of a fit while a region grows."""
 _MISFIT = 2.0
@@ -111,6 +117,11 @@ of less than four times as many stripes has no more of them on a whole face."""
 _WIDE = 5.0
 """Times three standard deviations that a region must be wide: narrower bands lie on anything. Bands
 of edges that are known to a millimetre have up to 3.3, shapes of scans 20 and more."""
+_ROWS = (3.5, 4.5)
+"""Rows of vertices side by side that a plane must have, and a round across its curve, where no
+sigma tells which of them an edge has bent: three lie on a hollow round over each gap of a gear."""
+_WRAPPED = 0.5
+"""Length of the mean normal of a round that goes so far about its axis that its rows are many."""
 _FIRM = 0.65
 """Share of a region's points that must not be doubtful: stripes that an edge bends lie on smooth
 bands, too, across the corners of keyways and beside silhouettes. Those have up to 0.55 of them."""
@@ -156,6 +167,8 @@ class Ground:
     """mm: diagonal of the box around it."""
     together: float
     """Neighbours that are off together, about, as a merge leaves them that averages; 1 for none."""
+    blind: bool
+    """Whether no sigma tells which points an edge has bent or cut."""
 
     @property
     def neighbourhood(self) -> region.Neighbourhood:
@@ -221,6 +234,7 @@ def prepared(
         X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing,
         stripe, along, 0 if stripe is None else len(np.unique(stripe)),
         float(np.median(scale)) if len(scale) else 0.0, size, _together(scale, noise),
+        sigma is None,
     )  # fmt: skip
 
 
@@ -352,6 +366,8 @@ class _Search:
         self.tried = max(_LARGE, int(share * len(label)))
         """Vertices about a seed of no surface that are no seeds either: of a dense mesh as many as
         the smallest region has."""
+        self.place = np.full(len(label), -1, dtype=np.int64)
+        """Room for what is asked of a region's members."""
         self.mark = 0
         self.reached = 0
         """Vertices of the smallest region that was given up since a patch was tried."""
@@ -408,8 +424,9 @@ class _Search:
         g = self.ground
         some = surface.some_of(member, _FIT)
         q, cost = surface.fitted(
-            kind, guess, g.vertices, g.scale, some, FREE[kind], 6.0, 4 * g.size, 2 * _STEPS
-        )
+            kind, guess, g.vertices, g.scale, some, FREE[kind], 6.0, 4 * g.size, 2 * _STEPS,
+            surface.ROUGH,
+        )  # fmt: skip
         return q if cost <= _MISFIT * len(some) else None
 
     def _area(self, r: Region) -> float:
@@ -448,13 +465,49 @@ class _Search:
             q, cost = refit(g, kind, q, member) if len(member) else (q, np.inf)
             if not np.isfinite(cost):
                 return None
-        if len(member) < LEAST[kind] or float(g.area[member].sum()) < self.least:
-            return None
-        if kind != PLANE and _span(g, kind, q, member) < SPAN:
+        if not self._enough(kind, q, member):
             return None
         if not fair(g, kind, q, member):
-            return None
+            return self._trimmed(kind, q, member)
         return Region(kind, q, _side(g, kind, q, member), member)
+
+    def _enough(self, kind: int, q: Floats, member: Index) -> bool:
+        """Whether members are as many, as much of the surface, and as round as a shape must be."""
+        g = self.ground
+        if len(member) < LEAST[kind] or float(g.area[member].sum()) < self.least:
+            return False
+        return kind == PLANE or _span(g, kind, q, member) >= SPAN
+
+    def _trimmed(self, kind: int, q: Floats, member: Index) -> Region | None:
+        """A region without what it took of surfaces that it runs into without an edge, such as the
+        fillets beside a wall; None where that is no shape.
+
+        What stands off the surface together with those about it does not count, until nothing else
+        does. Of freeform surface less than half is left then, for the width within which it bends
+        by some part of the limit goes with the root of that part.
+        """
+        g = self.ground
+        if kind not in _TANGENT:
+            return None
+        inner, kept = member, member[:0]
+        for _ in range(_TRIMS):
+            d = surface.distances(kind, q, g.vertices[member])[0] / g.limit[member]
+            level = region.levelled(member, d, g.start, g.near, 2, self.place)
+            inner = member[np.abs(level) <= _LEVEL]
+            if len(inner) < _INNER * len(member):
+                return None
+            q, cost = refit(g, kind, q, inner)
+            if not np.isfinite(cost):
+                return None
+            if len(inner) == len(kept):
+                break
+            kept = inner
+        inner = region.largest_piece(inner, g.start, g.near, self.place)
+        if len(inner) < _LEFT * len(member) or not self._enough(kind, q, inner):
+            return None
+        if not fair(g, kind, q, inner) or pattern(g, kind, q, inner) > _FLAT:
+            return None
+        return Region(kind, q, _side(g, kind, q, inner), inner)
 
     def _spread(self, kind: int, q: Floats, ball: Index) -> tuple[Floats, Index]:
         """The surface and the vertices that a patch grows to; none where that is hopeless."""
@@ -564,7 +617,38 @@ def cells(g: Ground, member: Index, together: float = 1.0) -> Index:
 def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
     """Whether firm members are enough, in number and share, and miss the surface by noise."""
     enough = max(LEAST[kind], _FIRM * len(member))
-    return int(g.firm[member].sum()) >= enough and not bent(g, member) and close(g, kind, q, member)
+    if int(g.firm[member].sum()) < enough or bent(g, member):
+        return False
+    if g.blind and rows(g, kind, q, member) < (_ROWS[0] if kind == PLANE else _ROWS[1]):
+        return False
+    return close(g, kind, q, member)
+
+
+def rows(g: Ground, kind: int, q: Floats, member: Index) -> float:
+    """How many rows of vertices lie side by side across a region: of a plane where it is narrowest,
+    of a cylinder or cone round its axis, which tells the radius; infinite for the others."""
+    X = g.vertices[member]
+    if kind == PLANE:
+        across = np.linalg.eigh(np.cov(X.T))[1][:, 1:]
+        along = (X - X.mean(axis=0)) @ across
+    elif kind in (CYLINDER, CONE):
+        n = surface.distances(kind, q, X)[1]
+        turn = np.cross(q[3:6], n.mean(axis=0))
+        if np.linalg.norm(n.mean(axis=0)) < _WRAPPED:
+            return math.inf
+        along = ((X - q[:3]) @ (turn / np.linalg.norm(turn)))[:, None]
+    else:
+        return math.inf
+    at = np.full((len(g.vertices), along.shape[1]), np.nan)
+    at[member] = along
+    some = surface.some_of(member, _FIT)
+    most = np.zeros((len(some), along.shape[1]))
+    first, many = g.start[some], g.start[some + 1] - g.start[some]
+    for k in range(int(many.max(initial=0))):
+        near = g.near[first + np.minimum(k, many - 1)]
+        most = np.fmax(most, np.abs(at[near] - at[some]))
+    wide = np.quantile(along, 0.98, axis=0) - np.quantile(along, 0.02, axis=0)
+    return float((wide / np.maximum(np.median(most, axis=0), 1e-9)).min()) + 1.0
 
 
 def bent(g: Ground, member: Index) -> bool:

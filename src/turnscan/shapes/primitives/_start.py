@@ -40,15 +40,15 @@ def _calmed(X: Floats, normals: Floats) -> tuple[Floats, Floats]:
     u, v, w = X @ e1, X @ e2, X @ up
     size = max(float(np.abs(u).max()), float(np.abs(v).max()), 1e-300)
     u, v = u / size, v / size
-    one, zero = np.ones(len(u)), np.zeros(len(u))
-    A = np.column_stack([one, u, v, u * u, u * v, v * v, u**3, u * u * v, u * v * v, v**3])
-    M = A.T @ A
-    c = np.linalg.solve(M + 1e-9 * np.trace(M) * np.eye(10), A.T @ w)
-    by_u = np.column_stack([zero, one, zero, 2 * u, v, zero, 3 * u * u, 2 * u * v, v * v, zero]) @ c
-    by_v = np.column_stack([zero, zero, one, zero, u, 2 * v, zero, u * u, 2 * u * v, 3 * v * v]) @ c
+    uu, uv, vv = u * u, u * v, v * v
+    A = np.stack([np.ones(len(u)), u, v, uu, uv, vv, uu * u, uu * v, uv * v, vv * v])
+    M = A @ A.T
+    c = np.linalg.solve(M + 1e-9 * np.trace(M) * np.eye(10), A @ w)
+    by_u = c[1] + 2 * c[3] * u + c[4] * v + 3 * c[6] * uu + 2 * c[7] * uv + c[8] * vv
+    by_v = c[2] + c[4] * u + 2 * c[5] * v + c[7] * uu + 2 * c[8] * uv + 3 * c[9] * vv
     n = up - np.outer(by_u / size, e1) - np.outer(by_v / size, e2)
-    smooth = X + np.outer(A @ c - w, up)
-    return smooth, n / np.linalg.norm(n, axis=1, keepdims=True)
+    smooth = X + np.outer(c @ A - w, up)
+    return smooth, n / np.sqrt(np.einsum("ij,ij->i", n, n))[:, None]
 
 
 def _packed(p: Floats, axis: Floats, r: float = 0.0, s: float = 0.0) -> Floats:
@@ -107,20 +107,21 @@ def _cones(X: Floats, middle: Floats, axis: Floats) -> list[tuple[int, Floats]]:
 
 def _tori(X: Floats, normals: Floats, middle: Floats) -> list[tuple[int, Floats]]:
     size = max(float(np.abs(X).max()), 1e-300)
-    rows = np.column_stack([normals, np.cross(X / size, normals)])
-    M = rows.T @ rows
+    (x, y, z), (a, b, c) = X.T / size, normals.T
+    rows = np.stack([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
+    M = rows @ rows.T
     values, vectors = np.linalg.eigh(M[:3, :3])
     strong = values > 1e-6 * values[-1]
     pseudo = (vectors[:, strong] / values[strong]) @ vectors[:, strong].T
     turn = M[3:, 3:] - M[3:, :3] @ pseudo @ M[:3, 3:]
-    c = np.linalg.eigh(turn)[1][:, 0]
-    shift = -pseudo @ M[:3, 3:] @ c * size
-    foot = np.cross(c, shift)
-    y = X - foot
-    t = y @ c
-    rho = np.linalg.norm(y - np.outer(t, c), axis=1)
+    axis = np.linalg.eigh(turn)[1][:, 0]
+    shift = -pseudo @ M[:3, 3:] @ axis * size
+    foot = np.cross(axis, shift)
+    away = X - foot
+    t = away @ axis
+    rho = np.sqrt(np.maximum(np.einsum("ij,ij->i", away, away) - t * t, 0.0))
     found = _circle(rho, t)
     if found is None:
         return []
     ring, height, small = found
-    return [(TORUS, _packed(middle + foot + height * c, c, max(ring, 0.0), small))]
+    return [(TORUS, _packed(middle + foot + height * axis, axis, max(ring, 0.0), small))]

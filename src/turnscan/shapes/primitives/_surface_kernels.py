@@ -33,6 +33,8 @@ FREE = np.array(
 """(kinds, 7) which local parameters a kind has."""
 BOUND = 4.0
 """Standard deviations beyond which a point of a region is not fitted."""
+ROUGH = 1e-3
+"""Share of the cost that a step must gain while a region grows: what is fitted again later."""
 _TINY = 1e-12
 
 
@@ -234,9 +236,11 @@ def _normal(
 @njit(cache=True, nogil=True)
 def fitted(
     kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, free: Bools, bound: float,
-    reach: float, rounds: int,
+    reach: float, rounds: int, enough: float = 1e-9,
 ) -> tuple[Floats, float]:  # fmt: skip
     """Truncated least squares by Levenberg and Marquardt: the surface and its cost.
+
+    It ends where a step gains no more than the share ``enough`` of the cost.
 
     ``scale`` (n,) mm is one standard deviation of each point, ``index`` those that count, ``free``
     (7,) the parameters that may move. A point further than ``bound`` scales has no say. No radius
@@ -267,7 +271,7 @@ def fitted(
                 damping = max(damping * 0.1, 1e-12)
                 break
             damping = max(damping * 10.0, 1e-6)
-        if not better or gain <= 1e-9 * cost + 1e-12:
+        if not better or gain <= enough * cost + 1e-12:
             break
     if not _sound(kind, q, reach):
         return q, np.inf
@@ -321,7 +325,7 @@ def refitted(
     ``off`` (n,) mm its neighbours by, half of them less and half of them more.
     """
     begun = slid(kind, q, points, index)
-    q, cost = fitted(kind, begun, points, scale, index, FREE[kind], BOUND, reach, rounds)
+    q, cost = fitted(kind, begun, points, scale, index, FREE[kind], BOUND, reach, rounds, ROUGH)
     share = np.empty(len(index))
     c, s = lean(kind, q)
     total = 0.0
