@@ -10,7 +10,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.drawings import Facets
 from turnscan.mesh import Mesh, is_closed
-from turnscan.shapes import Source, VolumeSigma, deviation, volume_sigma
+from turnscan.shapes import Source, deviation, volume_sigma
 from turnscan.shapes.primitives import ShapeSet, shapes_volume_sigma
 from turnscan.workflows._solids._shapes_table import finite
 
@@ -25,33 +25,42 @@ class SolidVolume:
     value: float
     shapes: float
     """By the shapes' own uncertainties, which points and calibration give them."""
-    rest: VolumeSigma
-    """Of the surface that lies on no shape, and of what fillings may hide."""
+    others: float
+    """By the points of the surface that lies on no shape, and what that does between them."""
+    shared: float
+    """By what the calibration and the poses do to that surface."""
     left: float
     """What the solid leaves of measured points that lie on no shape."""
+    filled: float
+    """By the filled faces on no shape."""
+    hollow: float
+    """By what fillings may cover."""
 
     @property
     def measured(self) -> float:
         """Of all that was measured: what the calibration does may be alike on shapes and rest."""
-        r = self.rest
-        alone = (r.noise, r.between, r.alike, r.profiles, self.left)
-        own = sum(float(np.nan_to_num(part)) ** 2 for part in alone)
-        return float(np.sqrt((self.shapes + r.shared) ** 2 + own))
+        alike = self.shapes + self.shared
+        return float(np.sqrt(alike**2 + self.others**2 + self.left**2))
+
+    @property
+    def unmeasured(self) -> float:
+        """Of what was filled, and of what may lie behind it."""
+        return float(np.hypot(self.filled, self.hollow))
 
     @property
     def sigma(self) -> float:
         """All together."""
-        return float(np.hypot(self.measured, self.rest.unmeasured))
+        return float(np.hypot(self.measured, self.unmeasured))
 
     @property
     def mostly(self) -> str:
         """What the largest part comes from, in words."""
         known = {
             "the shapes": self.shapes,
-            "other surfaces": float(np.nan_to_num(self.rest.measured)),
+            "other surfaces": float(np.hypot(self.others, self.shared)),
             "what lies on no shape": self.left,
-            "the filled faces": self.rest.filled,
-            "what fillings may cover": self.rest.hollow,
+            "the filled faces": self.filled,
+            "what fillings may cover": self.hollow,
         }
         return max(known, key=lambda k: known[k])
 
@@ -61,7 +70,7 @@ class SolidVolume:
             "volume_sigma_mm3": finite(self.sigma),
             "volume_sigma_shapes_mm3": finite(self.shapes),
             "volume_sigma_measured_mm3": finite(self.measured),
-            "volume_sigma_filled_mm3": finite(self.rest.unmeasured),
+            "volume_sigma_filled_mm3": finite(self.unmeasured),
         }
 
     def __str__(self) -> str:
@@ -102,8 +111,12 @@ def solid_volume(
     near = deviation(mesh.triangles.mean(axis=1), facets.mesh)
     rest = shape[near.face] < 0
     left = _left(mesh, found, near.distance, ~rest)
-    known = volume_sigma(mesh, source, rest) if is_closed(mesh) else VolumeSigma(0.0, 0.0, 0.0)
-    return SolidVolume(value, sigma, known, left)
+    if not is_closed(mesh):
+        return SolidVolume(value, sigma, 0.0, 0.0, left, 0.0, 0.0)
+    known = volume_sigma(mesh, source, rest)
+    parts = (known.noise, known.between, known.alike, known.profiles)
+    others = float(np.sqrt(np.square(np.nan_to_num(parts)).sum()))
+    return SolidVolume(value, sigma, others, known.shared, left, known.filled, known.hollow)
 
 
 def _left(mesh: Mesh, found: ShapeSet, distance: Floats, on: Bools) -> float:
