@@ -7,14 +7,15 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.needs import needs
 from turnscan.arrays import Image
-from turnscan.devices import Steady, find_cameras, open_camera
+from turnscan.devices import Steady, _aravis, find_cameras, open_camera
 from turnscan.errors import (
     DeviceDisconnected,
     DeviceError,
@@ -63,6 +64,37 @@ def test_every_picture_was_taken_after_it_was_asked_for(pictures: Counting) -> N
         for _ in range(20):
             before = len(pictures.asked)
             assert camera.grab(5.0)[0, 0] == before + 1
+
+
+def test_a_picture_of_which_nothing_comes_is_triggered_once_more(
+    pictures: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a network loses the trigger; what was waited for before is never handed on."""
+    monkeypatch.setattr(_aravis, "_LOST", 0.3)
+    with open_camera(f"aravis:TS01?{SIZE}") as camera:
+        camera.configure(0.001, 1.0)
+        driver: Any = camera._there  # type: ignore[attr-defined]
+        trigger, lost = driver._camera.software_trigger, [True, False, False]
+        driver._camera = Lossy(driver._camera, lambda: lost.pop(0) or trigger())
+        assert camera.grab(30.0)[0, 0] == 1
+        assert camera.grab(30.0)[0, 0] == 2
+        assert lost == []
+        begun = time.monotonic()
+        lost += [True] * 100
+        with pytest.raises(DeviceTimeout, match=r"no picture within 1\.5 s"):
+            camera.grab(1.5)
+        assert 1.5 <= time.monotonic() - begun < 6.0
+        assert 3 <= 100 - len(lost) <= 6, "each 0.3 s, until the time is over"
+
+
+class Lossy:
+    """A camera of Aravis whose triggers go another way."""
+
+    def __init__(self, camera: Any, trigger: Callable[[], object]) -> None:
+        self._camera, self.software_trigger = camera, trigger
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._camera, name)
 
 
 def test_settings_are_read_back_and_refused(pictures: Counting) -> None:

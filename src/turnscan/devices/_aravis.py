@@ -25,6 +25,9 @@ from turnscan.errors import (
 )
 
 _BUFFERS = 4
+_LOST = 3.0
+"""s after its exposure at which a picture that has not come is triggered again: the network may
+have lost the trigger, or the whole picture. It makes no wait longer."""
 _PREFERRED = ("Mono8", "Mono16", "Mono12", "BayerRG8", "BayerGR8", "BayerGB8", "BayerBG8", "RGB8")
 
 
@@ -50,6 +53,7 @@ class AravisCamera:
         self._gone = threading.Event()
         gone = self._gone  # not self: the device would hold what holds the device
         self._restart = False
+        self._seconds = math.inf  # where it is not known, no picture is known to be late
         with self._named("opening it"):
             self._camera = self._aravis.Camera.new(identity)
             device = self._camera.get_device()
@@ -121,7 +125,9 @@ class AravisCamera:
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
         """Set and read back; NaN for what this camera does not have."""
         check_exposure_and_gain(self._name, seconds, gain)
-        return self._exposed(seconds), self._gained(gain)
+        exposed = self._exposed(seconds)
+        self._seconds = math.inf if math.isnan(exposed) else exposed
+        return exposed, self._gained(gain)
 
     def _exposed(self, seconds: float) -> float:
         if not self._camera.is_exposure_time_available():
@@ -158,30 +164,52 @@ class AravisCamera:
         until = time.monotonic() + timeout
         with self._named("taking a picture"):
             self._check_there()
-            if self._restart:
-                # A picture that was waited for in vain may still come, and would be taken for
-                # the next one.
-                self._camera.stop_acquisition()
-                self._camera.start_acquisition()
-                self._restart = False
-            while (old := self._stream.try_pop_buffer()) is not None:
-                self._stream.push_buffer(old)
+            self._empty()
             if self._triggered:
-                self._camera.software_trigger()
+                buffer = self._triggered_picture(until, timeout)
             else:
                 for _ in range(self._lag):
                     self._stream.push_buffer(self._pop(until, timeout))
-            buffer = self._pop(until, timeout)
+                buffer = self._pop(until, timeout)
             try:
                 return self._image(buffer)
             finally:
                 self._stream.push_buffer(buffer)
 
-    def _pop(self, until: float, timeout: float) -> Any:
+    def _empty(self) -> None:
+        """No picture from before is left, or on its way."""
+        if self._restart:
+            # A picture that was waited for in vain may still come, and would be taken for the next.
+            self._camera.stop_acquisition()
+            self._camera.start_acquisition()
+            self._restart = False
+        while (old := self._stream.try_pop_buffer()) is not None:
+            self._stream.push_buffer(old)
+
+    def _triggered_picture(self, until: float, timeout: float) -> Any:
+        """The picture that a trigger makes, or that of another trigger where none comes."""
+        self._camera.software_trigger()
+        while (late := time.monotonic() + self._seconds + _LOST) < until:
+            if (buffer := self._waited(late)) is not None:
+                return buffer
+            self._restart = True
+            self._check_there()
+            self._empty()
+            self._restart = True  # the picture of the trigger before may come after this one's
+            self._camera.software_trigger()
+        return self._pop(until, timeout)
+
+    def _waited(self, until: float) -> Any:
+        """A picture that comes by then, or None."""
         left = max(until - time.monotonic(), 0.0)
         buffer = self._stream.timeout_pop_buffer(int(left * 1e6))
         if buffer is not None:
             alive()
+        return buffer
+
+    def _pop(self, until: float, timeout: float) -> Any:
+        buffer = self._waited(until)
+        if buffer is not None:
             return buffer
         self._restart = True
         self._check_there()
