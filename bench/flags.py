@@ -1,10 +1,12 @@
 """What the flags of a stripe promise, against stripes whose centres are known.
 
-``python -m bench flags`` prints three tables. Clipped: the bias and the scatter of stripes that are
+``python -m bench flags`` prints four tables. Clipped: the bias and the scatter of stripes that are
 cut off at the top over so many pixels, in widths of the stripe, and their scatter over the claimed
-sigma. Halo: one-sided light of growing strength beside the stripe; how far it moves the centre, in
-sigma, where the flag stands and where it does not. Pictures: how much sigma and the rms of the true
-error change from picture to picture of simulated scans of parts that are measured alike all round.
+sigma. Lopsided: stripes whose flanks have widths of so many to one; by how much clipping moves
+their centres, and the rms of that over sigma. Halo: one-sided light of growing strength beside the
+stripe; how far it moves the centre, in sigma, where the flag stands and where it does not.
+Pictures: how much sigma and the rms of the true error change from picture to picture of simulated
+scans of parts that are measured alike all round.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ SIGMAS = (1.5, 3.0, 5.0)
 """px: widths of the stripes that are clipped."""
 RUNS = (0, 2, 4, 6, 8, 10, 12, 14, 18)
 """px: clipped pixels in a row."""
+LOPSIDED = (1.2, 1.5, 2.0)
+"""Widths of one flank over that of the other."""
 GLOWS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2)
 """Light of a halo over that of the stripe itself."""
 LENGTH = 6.0
@@ -76,6 +80,28 @@ def clipped(sigma: float, run: int) -> Told:
     centre = np.asarray(50.0 + SLANT * np.arange(ROWS), dtype=np.float64)
     peak = FULL * math.exp(0.5 * (0.5 * run / sigma) ** 2) if run else 0.5 * FULL
     return _found(light(centre, sigma, peak, 121), centre, FULL, StripeFlag.SATURATED)
+
+
+def two_halves(centre: Floats, widths: tuple[float, float], peak: float) -> Floats:
+    """(n, 121) stripes of two halves of Gaussians that meet at their highest, over each pixel."""
+    from scipy.special import erf
+
+    off = np.arange(122) - 0.5 - centre[:, None]
+    s = np.where(off < 0, *widths)
+    return np.asarray(peak * np.diff(s * np.sqrt(np.pi / 2) * erf(off / (s * np.sqrt(2.0)))))
+
+
+def lopsided(sigma: float, ratio: float, run: int) -> tuple[Floats, Floats]:
+    """(n,) px by which clipping moves the centres of lopsided stripes, and (n,) the claimed sigma.
+
+    ``run`` px are clipped; the flanks have widths of ``ratio`` to one, ``sigma`` px in the mean.
+    """
+    centre = np.asarray(50.0 + SLANT * np.arange(ROWS), dtype=np.float64)
+    widths = sigma / math.sqrt(ratio), sigma * math.sqrt(ratio)
+    peak = FULL * math.exp(0.5 * (run / sum(widths)) ** 2)
+    plain = _found(two_halves(centre, widths, 0.5 * FULL), centre, FULL, StripeFlag.SATURATED)
+    cut = _found(two_halves(centre, widths, peak), centre, FULL, StripeFlag.SATURATED)
+    return cut.error - plain.error.mean(), cut.sigma
 
 
 def haloed(glow: float, sigma: float = 1.5, peak: float = 8000.0) -> Told:
@@ -129,6 +155,16 @@ def run() -> None:
             t = clipped(sigma, many)
             z = float(np.std(t.error / t.sigma))
             cells.append(f"{t.error.mean() / sigma:+.3f}, {np.std(t.error) / sigma:.3f}, {z:.2f}")
+        print(f"| {many} | " + " | ".join(cells) + " |", flush=True)
+    heads = " | ".join(f"σ {s:g} px, {r:g} : 1" for s in SIGMAS[:2] for r in LOPSIDED)
+    print(f"\n| clipped px of lopsided stripes: px moved, rms over sigma | {heads} |")
+    print("|" + "---|" * (1 + 2 * len(LOPSIDED)))
+    for many in (run for run in RUNS[2:] if run % 4 == 0):
+        cells = []
+        for sigma in SIGMAS[:2]:
+            for ratio in LOPSIDED:
+                moved, said = lopsided(sigma, ratio, many)
+                cells.append(f"{moved.mean():+.3f}, {np.sqrt(np.mean((moved / said) ** 2)):.2f}")
         print(f"| {many} | " + " | ".join(cells) + " |", flush=True)
     print(
         "\n| halo, light over the stripe's | flagged % | bias px | bias in sigma | estimated px |"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.stripes.pictures import light, picture
-from turnscan.stripes import StripeSettings, detect
+from turnscan.stripes import StripeFlag, StripeSettings, detect
 
 N = 2000
 WIDTH = 161
@@ -65,3 +65,34 @@ def test_what_glows_beside_a_stripe_drags_the_centre_and_is_in_its_sigma(
     error = stripe.position - centre
     assert abs(error.mean()) > 10 * error.std(), "it drags all lines the same way"
     assert 0.5 < np.sqrt(np.mean((error / stripe.sigma) ** 2)) < 6.0
+
+
+@pytest.mark.parametrize(("sigma", "run"), [(3.0, 5), (3.0, 11), (4.0, 14), (1.5, 4)])
+@pytest.mark.parametrize("ratio", [1.0, 1 / 1.3, 1.8])
+def test_clipping_moves_a_lopsided_stripe_and_sigma_says_how_far(
+    sigma: float, run: int, ratio: float
+) -> None:
+    """Two halves of Gaussians, whose centre is asked where nothing is clipped; symmetric ones are
+    not moved, and their sigma stays small."""
+    from scipy.special import erf
+
+    rng = np.random.default_rng(17)
+    centre = 80 + 0.03 * np.arange(600)
+    off = np.arange(WIDTH + 1) - 0.5 - centre[:, None]
+    wide = np.where(off < 0, sigma / np.sqrt(ratio), sigma * np.sqrt(ratio))
+    shape = np.diff(wide * np.sqrt(np.pi / 2) * erf(off / (wide * np.sqrt(2))))
+    full, span = 3000.0, sigma * (1 / np.sqrt(ratio) + np.sqrt(ratio))
+    settings = StripeSettings(electrons_per_dn=1.0, saturation=full + 100.0)
+    plain = detect(picture(rng, 0.5 * full * shape, 5.0, full), None, settings)
+    bright = full * np.exp(0.5 * (run / span) ** 2)
+    cut = detect(picture(rng, bright * shape, 5.0, full), None, settings)
+    assert (cut.flags & StripeFlag.SATURATED).all()
+    moved = cut.position - centre - np.mean(plain.position - centre)
+    z = float(np.sqrt(np.mean((moved / cut.sigma) ** 2)))
+    if ratio == 1.0:
+        assert abs(moved.mean()) < 0.01 * sigma
+        assert np.median(cut.sigma) < 0.04
+        assert 0.3 < z < 1.2
+    else:
+        assert np.sign(moved.mean()) == np.sign(ratio - 1.0)
+        assert 0.6 < z < 1.4

@@ -11,6 +11,7 @@ import numpy as np
 from turnscan.arrays import Flags, Floats, Image, Longs, Region
 from turnscan.compiled import njit
 from turnscan.stripes._choice import drop_glow
+from turnscan.stripes._clipped import clipped_phase, lopsided
 from turnscan.stripes._halo import (
     LEAN_LIMIT,
     glowing_nearby,
@@ -58,11 +59,6 @@ FIXED_TURNS = 5
 """Moves of a window of fixed width; where the width is measured too, one in each round."""
 MEMORY = 0.93
 """What a line's width counts for the width of the window in the next line."""
-CLIPPED_PHASE = 0.11
-"""Error from the phase of the pixels on a clipped stripe, px·px² (÷ width²)."""
-STEEP_PHASE, STEEP_FROM = 0.0185, 0.8
-"""… and px for each 1/px of log slope beyond this, in the flanks of a stripe clipped far down:
-fitted to Gaussians cut off 2 to 6 of their widths out (``python -m bench flags``)."""
 HALO_BIAS = 0.24
 """Bias of the window, in widths, with half of the light in a one-sided halo."""
 
@@ -134,28 +130,6 @@ def measure_round(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def clipped(lit: Image, v: int, first: float, last: float, u0: int, u1: int, level: float) -> int:
-    """How many pixels between first and last are saturated."""
-    count = 0
-    for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):
-        count += lit[v, x] >= level
-    return count
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def clipped_phase(some: Floats, i: int, count: int) -> float:
-    """Variance, px², that the phase of the pixels gives the centre of a stripe with so many full.
-
-    Flanks that fall within a pixel place the centre no better than the pixels lie; how far they
-    reach is told by the light beside what is full.
-    """
-    flank = (some[i, FLUX] / max(some[i, HEIGHT], 1.0) - count) / 2.0
-    steep = max(1.0 / max(flank, 0.1) - STEEP_FROM, 0.0)
-    wide = CLIPPED_PHASE / max(some[i, SECOND], 0.25)
-    return wide * wide + (STEEP_PHASE * steep) ** 2
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def uncertainty(some: Floats, i: int, terms: Terms, floor: float) -> float:
     """Variance of the window's centre from the camera, px². ``floor``: raw levels without light."""
     h = some[i, REACH]
@@ -188,6 +162,7 @@ def write_down(
     paired = dark.shape[0] > 1
     nearby = glowing_nearby(some, n, terms, table.shape[1])
     highest, halos, shift, scatter = haloed(some, n, terms, table.shape[1])
+    full, cut = lopsided(some, n, lit, dark, terms.base, roi, saturation)
     row = -1
     j = 0
     for i in range(n):
@@ -208,10 +183,9 @@ def write_down(
             position - h < u0 + 0.5 or position + h > u1 - 1.5
         ):
             flags |= EDGE
-        full = clipped(lit, v, position - h, position + h, u0, u1, saturation)
-        if full:
+        if full[i]:
             flags |= SATURATED
-            spread += clipped_phase(some, i, full)
+            spread += clipped_phase(some, i, full[i]) + cut[i]
         amplitude = some[i, HEIGHT] - some[i, PEDESTAL]
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
