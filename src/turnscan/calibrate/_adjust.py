@@ -34,7 +34,8 @@ from turnscan.errors import DidNotConverge
 HUBER = 2.5
 _ROUNDS = 60
 _SCALE_ROUNDS = 4
-_SETTLED, _ROUGH = 1e-8, 1e-3  # relative change of the cost
+_SETTLED, _CLOSE, _ROUGH = 1e-8, 1e-5, 1e-3
+"""Relative change of the cost: at the end, while the scales still change, and to begin with."""
 _LEAST_SCALE = 1e-6  # px
 _LEAST_FREEDOM = 1.0  # redundant parameters of the views, below which their scatter says nothing
 _LEAST_SHARE = 0.05  # of a parameter's variance: less left of it in the pulls says nothing of it
@@ -94,18 +95,23 @@ def adjust(
     """
     blocks = network.blocks(state)
     scales = dict.fromkeys((b.kind for b in blocks), 1.0)
+    huber = HUBER if robust else None
     if near is None:
-        state, blocks = _minimise(network, (state, blocks), free, scales, None, rough=told)
+        state, blocks = _minimise(network, (state, blocks), free, scales, None, _ROUGH)
     else:
         scales |= {k: v for k, v in near.scales.items() if k in scales}
-    for _ in range(0 if told else _SCALE_ROUNDS):
+        state, blocks = _minimise(network, (state, blocks), free, scales, huber, _CLOSE)
+    for turn in range(0 if told else _SCALE_ROUNDS):
         before = dict(scales)
-        system = build(network, blocks, free, scales, HUBER if robust else None, 0.0)
-        scales, _ = _scales(network, blocks, system, free, scales, robust)
-        state, blocks = _minimise(network, (state, blocks), free, scales, HUBER if robust else None)
-        if all(abs(scales[k] / before[k] - 1) < 0.02 for k in scales):
+        system = build(network, blocks, free, scales, huber, 0.0)
+        _, paid = _shares(network, blocks, system, free, scales, huber)
+        scales, _ = _scales(blocks, paid, scales, huber)
+        settled = all(abs(scales[k] / before[k] - 1) < 0.02 for k in scales)
+        until = _SETTLED if settled or turn == _SCALE_ROUNDS - 1 else _CLOSE
+        state, blocks = _minimise(network, (state, blocks), free, scales, huber, until)
+        if settled:
             break
-    return _finish(network, state, blocks, free, scales, robust)
+    return _finish(network, state, blocks, free, scales, huber)
 
 
 def _minimise(
@@ -114,10 +120,10 @@ def _minimise(
     free: Bools,
     scales: dict[str, float],
     huber: float | None,
-    rough: bool = False,
+    until: float,
 ) -> tuple[State, list[Block]]:
-    """The state of least cost; ``rough``: one near it, as it is only to begin with. Each state
-    comes with its blocks."""
+    """The state of least cost, once a step gains no more than so much of it; `_ROUGH`: one near
+    it, as it is only to begin with. Each state comes with its blocks."""
     damping = 1e-4
     state, blocks = begin
     for _ in range(_ROUNDS):
@@ -130,14 +136,14 @@ def _minimise(
             gain = system.cost - cost
             state, blocks = tried, try_blocks
             damping = max(damping * 0.1, 1e-12)
-            if gain <= (_ROUGH if rough else _SETTLED) * system.cost + 1e-18:
+            if gain <= until * system.cost + 1e-18:
                 return state, blocks
         else:
             damping *= 30
             if damping > 1e10:
                 # No step in any direction gains: this is the minimum to rounding.
                 return state, blocks
-    if rough:
+    if until == _ROUGH:
         return state, blocks
     raise DidNotConverge(
         f"the bundle adjustment did not converge in {_ROUNDS} rounds",
@@ -159,7 +165,7 @@ def one_step(network: Network[State], fit: Fit[State], free: Bools) -> tuple[Flo
 def shared_columns(network: Network[State], block: Block, system: System, free: Bools) -> Floats:
     """Derivative of a block by the free shared parameters, its view's own following them."""
     A: Floats = block.common[:, free]
-    if block.view < 0 or not network.own_sizes[block.view]:
+    if not block.own.shape[1]:
         return A
     return A - block.own @ (system.inverses[block.view] @ system.cross[block.view])
 
@@ -170,39 +176,34 @@ def _shares(
     system: System,
     free: Bools,
     scales: dict[str, float],
-    robust: bool,
+    huber: float | None,
 ) -> tuple[Floats, list[float]]:
     """Inverse of the reduced system, and how many parameters every block pays for."""
     C = inverse_of(system.reduced, free_name(network, free))
     paid = []
     for b in blocks:
-        w = weight(b, scales, HUBER if robust else None)
+        w = weight(b, scales, huber)
         A = shared_columns(network, b, system, free)
-        if b.view >= 0 and network.own_sizes[b.view]:
+        if b.own.shape[1]:
             inv = system.inverses[b.view]
-            own = np.einsum("mi,ij,mj->m", b.own, inv, b.own)
+            own = ((b.own @ inv) * b.own).sum(axis=1)
         else:
             own = np.zeros(len(w))
-        paid.append(float(w @ (np.einsum("mi,ij,mj->m", A, C, A) + own)))
+        paid.append(float(w @ (((A @ C) * A).sum(axis=1) + own)))
     return C, paid
 
 
 def _scales(
-    network: Network[State],
-    blocks: list[Block],
-    system: System,
-    free: Bools,
-    scales: dict[str, float],
-    robust: bool,
+    blocks: list[Block], paid: list[float], scales: dict[str, float], huber: float | None
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Scale of every kind from its own weighted residuals and redundancy."""
-    _, paid = _shares(network, blocks, system, free, scales, robust)
+    """Scale and redundancy of every kind from its own weighted residuals, where every block
+    ``paid`` for so many parameters."""
     out, dof = dict(scales), {}
     for kind in scales:
         squares = count = 0.0
         for b, k in zip(blocks, paid, strict=True):
             if b.kind == kind:
-                w = weight(b, scales, HUBER if robust else None)
+                w = weight(b, scales, huber)
                 squares += float(w @ b.residual**2)
                 count += float(w.sum()) * scales[kind] ** 2 - k
         dof[kind] = count
@@ -217,12 +218,11 @@ def _finish(
     blocks: list[Block],
     free: Bools,
     scales: dict[str, float],
-    robust: bool,
+    huber: float | None,
 ) -> Fit[State]:
-    huber = HUBER if robust else None
     system = build(network, blocks, free, scales, huber, 0.0)
-    C, _ = _shares(network, blocks, system, free, scales, robust)
-    _, dof = _scales(network, blocks, system, free, scales, robust)
+    C, paid = _shares(network, blocks, system, free, scales, huber)
+    _, dof = _scales(blocks, paid, scales, huber)
     squares = sum(float(weight(b, scales, huber) @ b.residual**2) for b in blocks)
     variance = squares / max(sum(dof.values()), 1.0)
     factor = _view_factor(network, blocks, system, C, free, scales, huber)

@@ -53,7 +53,8 @@ class MarkerLayout:
     def points(self, numbers: Ints) -> tuple[Floats, Floats]:
         """Corners of the markers ``numbers`` (k,) → (4 k, 3) mm in the table frame at angle 0 and
         their derivative (4 k, 3, 5 + 4 m)."""
-        at = np.array([int(np.flatnonzero(self.numbers == n)[0]) for n in numbers], dtype=int)
+        order = np.argsort(self.numbers)
+        at = order[np.searchsorted(self.numbers, numbers, sorter=order)]
         x, y, turn, side = self.squares[at].T[:, :, None]
         c, s = np.cos(turn), np.sin(turn)
         lx, ly = _SQUARE[:, 0], _SQUARE[:, 1]

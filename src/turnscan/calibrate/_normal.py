@@ -36,7 +36,8 @@ class Block:
     common: Floats
     """(m, p) derivative of the prediction by the shared parameters."""
     own: Floats
-    """(m, q) derivative of the prediction by the view's own parameters."""
+    """(m, q) derivative of the prediction by the view's own parameters; (m, 0) where it has none
+    or these do not matter here."""
     views: Ints | None = None
     """(m,) which view each row is of, where they are of several without parameters of their own;
     `view` is -1 then."""
@@ -137,7 +138,7 @@ def build(
         for b in some:
             rows = slice(at, at + len(b.residual))
             at = rows.stop
-            if b.view >= 0 and sizes[b.view]:
+            if b.own.shape[1]:
                 Bw = b.own.T * w[rows]
                 own_H[b.view] += Bw @ b.own
                 own_g[b.view] += Bw @ b.residual

@@ -294,7 +294,7 @@ class RigNetwork:
             common[:, c + 6 : c + 11] = (term.by_point @ normal)[:, None] * powers
             for i, end, count in zip(mine, np.cumsum(counts), counts, strict=True):
                 k, part = all_of[i][0], slice(end - count, end)
-                own = np.zeros((count, 1 if k else 0))
+                own = np.zeros((count, 0))  # the platter is flat whichever way it is turned
                 kind = stripe_kind("table", laser)
                 view = len(self.boards) + k
                 out.append(Block(view, kind, term.residual[part], common[part], own))

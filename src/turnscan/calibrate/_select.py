@@ -101,10 +101,8 @@ def _consensus(points: Floats) -> Bools:
     if not long.any():
         return np.zeros(len(points), dtype=bool)
     a, along = a[long], along[long] / length[long, None]
-    off = np.abs(
-        (points[None, :, 0] - a[:, None, 0]) * along[:, None, 1]
-        - (points[None, :, 1] - a[:, None, 1]) * along[:, None, 0]
-    )
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    off = np.abs(across @ points.T - (across * a).sum(axis=1)[:, None])
     keep: Bools
     keep = off[(off < _NEAR_PX).sum(axis=1).argmax()] < _NEAR_PX
     for _ in range(4):

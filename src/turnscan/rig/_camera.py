@@ -7,6 +7,7 @@ row) with (0, 0) at the centre of the top-left pixel.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -156,6 +157,7 @@ class Camera:
             radial + slope * y * y + 6 * p1 * y + 2 * p2 * x,
         )
 
+    @cached_property
     def _fold(self) -> float:
         """The r² at which the radial polynomial all but stops growing; infinite when it never does.
 
@@ -172,7 +174,7 @@ class Camera:
     def _before_fold(self, x: Floats, y: Floats) -> Bools:
         """Where the lens is one to one: before the radial fold, and not yet turned inside out."""
         jxx, jxy, jyy = self._lens_slopes(x, y)
-        return (jxx * jyy > jxy * jxy) & (x * x + y * y < self._fold())
+        return (jxx * jyy > jxy * jxy) & (x * x + y * y < self._fold)
 
     def _undistorted(self, target: Floats) -> Floats:
         """Undo the lens for target (..., 2), in blocks that stay in the processor's cache."""
@@ -189,7 +191,7 @@ class Camera:
         Both increase, so that a distorted radius can be looked up whatever the polynomial.
         """
         k1, k2, _, _, k3 = self.distortion
-        fold, top = np.sqrt(self._fold()), 1.0
+        fold, top = np.sqrt(self._fold), 1.0
         while top < fold and top * (1.0 + top**2 * (k1 + top**2 * (k2 + top**2 * k3))) < far:
             top *= 2.0
         r = np.linspace(0.0, min(top, fold), _SAMPLES)

@@ -96,10 +96,13 @@ def project_colour(
                 f"colour weights {weights!r}", hint="give three numbers, at least one above 0"
             )
     out: Any = dtype or rgb.dtype.type
-    if out is rgb.dtype.type and np.count_nonzero(w) == 1 and w.max() == 1.0:
-        channel: Image = np.ascontiguousarray(rgb[:, :, int(w.argmax())])  # type: ignore[assignment]
-        return channel
     full_in, full_out = float(np.iinfo(rgb.dtype).max), float(np.iinfo(out).max)
+    if np.count_nonzero(w) == 1 and w.max() == 1.0:
+        channel = np.ascontiguousarray(rgb[:, :, int(w.argmax())])
+        if out is rgb.dtype.type:
+            return channel
+        if rgb.dtype == np.uint8 and out is np.uint16:  # the same as by floats, in a tenth of the time
+            return channel.astype(np.uint16) * np.uint16(UINT16_SCALE)
     if rgb.dtype == np.uint8 and out is np.uint16:
         full_out = full_in * UINT16_SCALE
     down = -w[w < 0].sum()
