@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from bench._rigs import BOARD, MARGIN, TURN, VIEWS, held_boards, said_of_boards
-from turnscan.arrays import Floats
+from bench._rigs import BOARD, MARGIN, PRINT, TURN, VIEWS, held_boards, said_of_boards
+from turnscan.arrays import Floats, Ints
 from turnscan.calibrate import BoardView, Charuco, LaserPicture, TablePicture, calibrate_rig
 from turnscan.rig import Pose, Rig, rotation_z
 from turnscan.simulate import SimulationSpec, bench
@@ -37,15 +37,7 @@ def from_drawn(spec: SimulationSpec, seed: int, views: tuple[int, int, int] = VI
     stand = bench_board(spec)
     drawn = Drawn(rig, np.random.default_rng(seed))
     held = [rig.T_camera_table @ at @ PRINT for at in held_boards(drawn.dice, stand, free + under)]
-    seen = [drawn.board(T, name=f"free {k}") for k, T in enumerate(held)]
-    under_it = list(zip(held[free:], seen[free:], strict=True))
-    striped: dict[str, Sequence[LaserPicture]] = {
-        sheet.name: [LaserPicture(view, drawn.stripe(T, sheet.name)) for T, view in under_it]
-        for sheet in rig.sheets
-    }
-    table = drawn.table(stand, stops)
-    step = 2 * TURN / (stops - 1)
-    return calibrate_rig(seen[:free], striped, table, said_of_boards(stand, step)).rig
+    return drawn.calibrated(held[:free], held[free:], stand, stops)
 
 
 def bench_board(spec: SimulationSpec) -> Pose:
@@ -60,15 +52,34 @@ class Drawn:
     def __init__(self, rig: Rig, dice: np.random.Generator) -> None:
         self.rig, self.dice = rig, dice
 
+    def calibrated(
+        self,
+        free: Sequence[Pose],
+        under: Sequence[Pose],
+        stand: Pose,
+        stops: int,
+        board: Charuco = BOARD,
+    ) -> Rig:
+        """The rig that boards give which are held ``free``ly and ``under`` the lasers, and the
+        simulator's board that ``stand``s on the table in so many ``stops``."""
+        seen = [self.board(T, board, f"free {k}") for k, T in enumerate((*free, *under))]
+        under_it = list(zip(under, seen[len(free) :], strict=True))
+        striped: dict[str, Sequence[LaserPicture]] = {
+            sheet.name: [
+                LaserPicture(view, self.stripe(T, sheet.name, board)) for T, view in under_it
+            ]
+            for sheet in self.rig.sheets
+        }
+        table = self.table(stand, stops)
+        said = said_of_boards(stand, 2 * TURN / (stops - 1))
+        return calibrate_rig(seen[: len(free)], striped, table, said).rig
+
     def board(self, T: Pose, board: Charuco = BOARD, name: str = "") -> BoardView:
         """The corners of a board that are in the picture."""
-        camera = self.rig.camera
-        px = camera.project(T.apply(board.points))
+        px, ids = in_picture(self.rig, T, board)
         px = px + CORNERS * self.dice.standard_normal(px.shape)
-        size = (camera.width, camera.height)
-        inside = ((px > _EDGE) & (px < np.array(size) - 1 - _EDGE)).all(axis=1)
-        ids = np.flatnonzero(inside)
-        return BoardView(board, px[ids], ids.astype(np.int32), size, name)
+        size = (self.rig.camera.width, self.rig.camera.height)
+        return BoardView(board, px[ids], ids, size, name)
 
     def stripe(self, T: Pose, laser: str, board: Charuco = BOARD) -> Floats:
         """(n, 2) px: what is found of a laser's stripe on a board, once in each row."""
@@ -86,6 +97,13 @@ class Drawn:
             TablePicture(self.board(T @ stand @ PRINT, name=f"table {k}"), {}, f"table {k}", k)
             for k, T in enumerate(turned)
         ]
+
+
+def in_picture(rig: Rig, T: Pose, board: Charuco) -> tuple[Floats, Ints]:
+    """(n, 2) px: where a rig sees the corners of a board; and which of them are in its picture."""
+    px = rig.camera.project(T.apply(board.points))
+    end = np.array([rig.camera.width, rig.camera.height]) - 1 - _EDGE
+    return px, np.flatnonzero(((px > _EDGE) & (px < end)).all(axis=1)).astype(np.int32)
 
 
 def stripe_of(rig: Rig, T: Pose, laser: str, board: Charuco = BOARD) -> Floats:
@@ -107,13 +125,3 @@ def stripe_of(rig: Rig, T: Pose, laser: str, board: Charuco = BOARD) -> Floats:
     top, end = np.clip(px[[0, -1], 1], 0.0, rig.camera.height - 1.0)
     rows = np.arange(np.ceil(top), end)
     return np.column_stack([np.interp(rows, px[:, 1], px[:, 0]), rows])
-
-
-def _on_plate() -> Pose:
-    """The frame of the simulator's board in that of the plate which carries it."""
-    x0, _, x1, y1 = BOARD.extent
-    R = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    return Pose(R, np.array([0.0, -(x0 + x1) / 2, MARGIN + y1]))
-
-
-PRINT = _on_plate()

@@ -21,7 +21,15 @@ from turnscan.calibrate import (
     stripe_light,
 )
 from turnscan.rig import Pose, Rig, rotation_from_vector
-from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of
+from turnscan.simulate import (
+    Bench,
+    Body,
+    Renderer,
+    SimulationSpec,
+    bench,
+    printed_plate,
+    seconds_of,
+)
 
 Knowledge = Literal["exact", "calibrated", "uncalibrated"]
 KNOWLEDGE: tuple[Knowledge, ...] = get_args(Knowledge)
@@ -33,6 +41,8 @@ TURN = 0.9
 """rad to both sides, in which the table carries the board."""
 MARGIN = 10.0
 """mm of white paper round the print."""
+_PIXELS = 120
+"""Of a square in a print."""
 ROOM = 0.5
 """Room light while the board is photographed, as a share of the grey scale."""
 
@@ -65,45 +75,59 @@ def as_planned(rig: Rig) -> Rig:
 
 
 def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> Rig:
-    """Calibrate with simulated pictures of the board: held freely, under the laser, on the table.
+    """Calibrate with simulated pictures of the board, held freely and under the laser (`VIEWS`)."""
+    free, under, stops = views
+    stand = bench(replace(spec, scene="charuco", room=ROOM)).scene.bodies[0].T_table_part
+    held = held_boards(np.random.default_rng(spec.seed), stand, free + under)
+    return photographed(spec, held[:free], held[free:], stops)
+
+
+def photographed(
+    spec: SimulationSpec,
+    free: Sequence[Pose],
+    under: Sequence[Pose],
+    stops: int,
+    board: Charuco = BOARD,
+) -> Rig:
+    """Calibrate with simulated pictures of a board whose plate is in these poses on the table,
+    ``free``ly held and ``under`` the lasers, and of the simulator's board in so many ``stops``.
 
     Each laser is lit by itself on the boards under it; no picture of the table has one on, as the
     boards say where the sheets are.
     """
-    free, under, stops = views
     scene = bench(replace(spec, scene="charuco", room=ROOM)).scene
     made = replace(bench(spec), scene=scene)
     seconds = seconds_of(spec)
     lasers = tuple(beam.name for beam in made.beams)
-    draw = np.random.default_rng(spec.seed)
+    plate = scene.bodies[0] if board == BOARD else plate_of(board)
 
-    def camera_of(body_at: Pose) -> Renderer:
-        body = replace(scene.bodies[0], T_table_part=body_at)
-        held_there = replace(scene, bodies=(body, *scene.bodies[1:]))
-        return Renderer(replace(made, scene=held_there))
+    def camera_of(body: Body, body_at: Pose) -> Renderer:
+        bodies = (replace(body, T_table_part=body_at), *scene.bodies[1:])
+        return Renderer(replace(made, scene=replace(scene, bodies=bodies)))
 
-    def photographed(body_at: Pose, lit: tuple[str, ...]) -> list[Image]:
+    def pictures(body_at: Pose, lit: tuple[str, ...]) -> list[Image]:
         """Without a laser, then with each of these."""
-        there = camera_of(body_at)
+        there = camera_of(plate, body_at)
         return [there.picture(0.0, on, seconds) for on in ((), *((laser,) for laser in lit))]
 
     stand = scene.bodies[0].T_table_part
-    held = held_boards(draw, stand, free + under)
     # The board shows its print to the camera between these angles only.
     start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
-        shown = [pool.submit(photographed, at, lasers if k >= free else ())
-                 for k, at in enumerate(held)]  # fmt: skip
-        turning = camera_of(stand)
+        shown = [pool.submit(pictures, at, lasers if k >= len(free) else ())
+                 for k, at in enumerate((*free, *under))]  # fmt: skip
+        turning = camera_of(scene.bodies[0], stand)
         turned = pool.map(lambda k: turning.picture(start + k * step, (), seconds), range(stops))
         taken = [one.result() for one in shown]
-        seen = [detect_board(dark, BOARD, f"free {i}") for i, (dark, *_) in enumerate(taken)]
+        seen = [detect_board(dark, board, f"free {i}") for i, (dark, *_) in enumerate(taken)]
         striped: dict[str, Sequence[LaserPicture]] = {
             laser: [
                 LaserPicture(view, light, widths=widths)
                 for view, (light, widths) in (
                     (view, stripe_light(lit[k], dark))
-                    for view, (dark, *lit) in zip(seen[free:], taken[free:], strict=True)
+                    for view, (dark, *lit) in zip(
+                        seen[len(free) :], taken[len(free) :], strict=True
+                    )
                 )
             ]
             for k, laser in enumerate(lasers)
@@ -112,7 +136,19 @@ def from_pictures(spec: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
             for k, picture in enumerate(turned)
         ]
-    return calibrate_rig(seen[:free], striped, table, said_of_boards(stand, step)).rig
+    return calibrate_rig(seen[: len(free)], striped, table, said_of_boards(stand, step)).rig
+
+
+def plate_of(board: Charuco) -> Body:
+    """A plate with a board's print, as the simulator's own."""
+    import cv2
+
+    kind = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    size = (board.columns, board.rows)
+    made = cv2.aruco.CharucoBoard(size, board.square, board.marker, kind)
+    print_ = np.asarray(made.generateImage((size[0] * _PIXELS, size[1] * _PIXELS)))
+    width, height = (n * board.square for n in size)
+    return printed_plate("board", print_, width, height, MARGIN)
 
 
 def said_of_boards(stand: Pose, step: float) -> CalibrationSettings:
@@ -133,3 +169,13 @@ def _held(draw: np.random.Generator, stand: Pose, middle: np.ndarray) -> Pose:
     shift = draw.uniform(-1.0, 1.0, 3) * (50.0, 30.0, 25.0)
     R = turn @ stand.rotation
     return Pose(R, turn @ (stand.translation - middle) + middle + shift)
+
+
+def print_on_plate(board: Charuco) -> Pose:
+    """The frame of a board's print in that of the plate which carries it."""
+    x0, _, x1, y1 = board.extent
+    R = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    return Pose(R, np.array([0.0, -(x0 + x1) / 2, MARGIN + y1]))
+
+
+PRINT = print_on_plate(BOARD)

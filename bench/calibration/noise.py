@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench._drawn import ALONG, CORNERS, PRINT, STRIPES, bench_board, stripe_of
-from bench._rigs import BOARD, MARGIN, ROOM, held_boards
+from bench._drawn import ALONG, CORNERS, STRIPES, bench_board, stripe_of
+from bench._rigs import BOARD, MARGIN, PRINT, ROOM, held_boards
 from bench.calibration._figures import Figure
 from turnscan.arrays import Floats
 from turnscan.calibrate import LaserPicture, detect_board, stripe_light

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from turnscan.rig import Camera, LaserSheet, Pose, Rig, TableMotion, rotation_z
 Body = Callable[[Floats], Floats]
 """Points (n, 3) of the object's frame → (n,) mm outside of it."""
 
+_CROSSINGS = 3
+"""Steps after the straight line: to a ten-thousandth of a pixel, but where the stripe ends."""
 CAMERA = Camera(640, 480, 1400.0, 1400.0, 320.0, 240.0)
 
 
@@ -115,8 +118,15 @@ def swept(
     dice = np.random.default_rng(seed)
     v = np.arange(0.0, rig.camera.height, every)
     u = np.arange(0.0, rig.camera.width, 2.0)
-    grid = np.stack(np.meshgrid(u, v), axis=-1)
-    X = rig.T_camera_table.inverse().apply(rig.sheet(laser).intersect(rig.camera.rays(grid)))
+
+    def meets(pixels: Floats) -> Floats:
+        sheet, back = rig.sheet(laser), rig.T_camera_table.inverse()
+        return back.apply(sheet.intersect(rig.camera.rays(pixels)))
+
+    def outside(turn: Floats, u: Floats, v: Floats) -> Floats:
+        return body(meets(np.stack([u, v], axis=-1)) @ turn)
+
+    X = meets(np.stack(np.meshgrid(u, v), axis=-1))
     pixels, steps = [], []
     for k, angle in enumerate(true):
         f = body(X @ rotation_z(angle))
@@ -124,9 +134,9 @@ def swept(
         into = (f[:, :-1] > 0) != (f[:, 1:] > 0)
         near = (np.abs(f[:, :-1]) < 900) & (np.abs(f[:, 1:]) < 900)
         row, col = np.nonzero(into & near)
-        share = f[row, col] / (f[row, col] - f[row, col + 1])
-        place = u[col] + share * 2.0
-        at = X[row, col] + share[:, None] * (X[row, col + 1] - X[row, col])
+        ends = (u[col], f[row, col]), (u[col + 1], f[row, col + 1])
+        place = _crossing(partial(outside, rotation_z(angle)), *ends, v[row])
+        at = meets(np.stack([place, v[row]], axis=-1))
         order = np.lexsort((rig.T_camera_table.apply(at)[:, 2], row))
         _, first = np.unique(row[order], return_index=True)
         pick = order[first]
@@ -136,6 +146,30 @@ def swept(
     px[:, 0] += noise * dice.standard_normal(len(px))
     sigma = np.full(len(px), noise)
     return Sweep(laser, px, sigma, np.concatenate(steps).astype(np.int32), commanded)
+
+
+def _crossing(
+    f: Callable[[Floats, Floats], Floats],
+    low: tuple[Floats, Floats],
+    high: tuple[Floats, Floats],
+    v: Floats,
+) -> Floats:
+    """Columns between two where ``f`` is zero in rows ``v``, by the Illinois method.
+
+    A straight line between neighbouring pixels is off where the surface is seen at a grazing angle.
+    """
+    (a, fa), (b, fb) = low, high
+    before = np.zeros(len(v))
+    for _ in range(_CROSSINGS):
+        place = a - fa * (b - a) / (fb - fa)
+        value = f(place, v)
+        left = (value > 0) == (fa > 0)
+        side = np.where(left, 1.0, -1.0)
+        stays = np.where(side == before, 0.5, 1.0)
+        a, b = np.where(left, place, a), np.where(left, b, place)
+        fa, fb = np.where(left, value, fa * stays), np.where(left, fb * stays, value)
+        before = side
+    return np.asarray(a - fa * (b - a) / (fb - fa))
 
 
 def both(

@@ -60,10 +60,10 @@ _WILD = 3.0
 _RAYS = np.radians(1.5)
 """rad rms: a camera whose uncertainty turns its rays by more is not known. Where they are off by
 0.8°, a ball still leads to the rig; by 2.4°, none of the starts does, after half a minute."""
-_OPEN = 0.02
-"""Of how far the rig bent shapes before: a body that leaves more of it says too little. Bodies that
-stand well leave three thousandths at most, a ball 0.1 mm beside the rotation axis three
-hundredths."""
+_OPEN = 1.5
+"""Times the noise of a point: a body by which the rig may bend shapes more says too little. By the
+rig's covariance, which is what it does bend within a factor of two, whatever was known before;
+bodies that stand well leave half of the noise, a ball 0.1 mm beside the axis fifteen times it."""
 _STAYS = 2.0
 """Times its noise: a stripe that moves less, whichever way the table is turned, stays."""
 _MATERIAL = 0.2
@@ -226,9 +226,9 @@ def _refuse_wild(motion: TableMotion) -> None:
 
 def _refuse_open(done: Refined, name: str) -> None:
     """Raise Degenerate for a body that says next to nothing of the rig where it stands."""
-    enough = max(_OPEN * done.shape_before, _NO_FIT * max(done.gap_noise, _LEAST_MM))
-    if done.shape_after <= enough:
-        return
+    noise = max(done.gap_noise, _LEAST_MM)
+    if done.shape_after <= _OPEN * noise or done.shape_before <= _NO_FIT * noise:
+        return  # it says enough, or a rig that was known well before is known no worse
     # What turns or lifts the part in its frame shows in no surface, and bends none.
     names = [parameter_in_words(n) for n in done.held if not n.startswith("motion.")]
     raise Degenerate(

@@ -25,25 +25,25 @@ def shape_doubt(rig: Rig, sweeps: Sequence[Sweep]) -> float:
     """
     if rig.covariance is None:
         return 0.0
-    at = _places(rig, sweeps)
+    at = places_of(rig, sweeps)
     if not len(at):
         return 0.0
     values, directions = np.linalg.eigh(rig.covariance)
-    common = _moves(at)
+    common = moves_of(at)
     own, _ = np.linalg.qr(common)
     off = 0.0
     for value, direction in zip(values, directions.T, strict=True):
         if value <= 0.0:
             continue
         step = _STEP * np.sqrt(value) * direction
-        ends = [_places(rig.perturbed(s * step), sweeps) for s in (1.0, -1.0)]
+        ends = [places_of(rig.perturbed(s * step), sweeps) for s in (1.0, -1.0)]
         moved = (ends[0] - ends[1]).ravel() / (2 * _STEP)
         left = moved - own @ (own.T @ moved)
         off += float(left @ left) / len(at)
     return float(np.sqrt(off))
 
 
-def _places(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:
+def places_of(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:
     """(n, 3) mm in the object's frame: places spread over what each sweep saw."""
     out = []
     for sweep in sweeps:
@@ -61,7 +61,7 @@ def _places(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:
     return np.concatenate(out) if out else np.zeros((0, 3))
 
 
-def _moves(at: Floats) -> Floats:
+def moves_of(at: Floats) -> Floats:
     """(3n, 7): shifts, turns and enlargement of points (n, 3) together."""
     middle = at - at.mean(axis=0)
     shifts = [np.broadcast_to(axis, at.shape).ravel() for axis in np.eye(3)]

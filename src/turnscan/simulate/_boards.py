@@ -40,11 +40,23 @@ BOARDS: Mapping[str, Callable[[], tuple[npt.NDArray[np.uint8], float, float]]] =
 
 
 def board(name: str, margin: float = 10.0, lean: float = 0.15) -> Body:
-    """A board standing on the table, leaning back by ``lean`` rad, its print looking along +x.
+    """One of `BOARDS` on a `printed_plate`."""
+    return printed_plate(name, *BOARDS[name](), margin, lean)
+
+
+def printed_plate(
+    name: str,
+    print_: npt.NDArray[np.uint8],
+    width: float,
+    height: float,
+    margin: float = 10.0,
+    lean: float = 0.15,
+) -> Body:
+    """A print (h, w), 0 for ink and 255 for paper, of ``width`` by ``height`` mm on a plate that
+    stands on the table, leaning back by ``lean`` rad, and looks along +x.
 
     ``margin`` mm of white paper surround the print.
     """
-    print_, width, height = BOARDS[name]()
     w, h, thick = width / 2 + margin, height + 2 * margin, 3.0
     mesh = extruded([(-thick, -w), (0.0, -w), (0.0, w), (-thick, w)], 0.0, h)
     # Pixel columns run to the right as the camera at +x sees it: along +y.

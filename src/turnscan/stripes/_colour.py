@@ -101,7 +101,9 @@ def project_colour(
         channel = np.ascontiguousarray(rgb[:, :, int(w.argmax())])
         if out is rgb.dtype.type:
             return channel
-        if rgb.dtype == np.uint8 and out is np.uint16:  # the same as by floats, in a tenth of the time
+        if (
+            rgb.dtype == np.uint8 and out is np.uint16
+        ):  # the same as by floats, in a tenth of the time
             return channel.astype(np.uint16) * np.uint16(UINT16_SCALE)
     if rgb.dtype == np.uint8 and out is np.uint16:
         full_out = full_in * UINT16_SCALE
