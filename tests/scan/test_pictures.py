@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture, read_video
+from turnscan.scan._matroska import bytes_missing
 
 
 def _png(path: Path, pixels: np.ndarray) -> Path:
@@ -208,6 +209,33 @@ def test_a_video_that_was_cut_off_is_no_shorter_video(tmp_path: Path) -> None:
     path.write_bytes(data[: len(data) * 6 // 10])
     with pytest.raises(FormatError, match=r"40 frames are declared, \d+ can be read"):
         list(read_video(path))
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.mkv", "MJPG"), ("a.webm", "VP80")])
+def test_matroska_tells_what_is_missing(tmp_path: Path, name: str, codec: str) -> None:
+    import cv2
+
+    path = tmp_path / name
+    code = cv2.VideoWriter_fourcc(*codec)
+    video = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 10, (64, 48))
+    for level in range(40):
+        video.write(np.full((48, 64, 3), 5 * level, np.uint8))
+    video.release()
+    assert len(list(read_video(path))) == 40
+    data = path.read_bytes()
+    path.write_bytes(data[:-7])
+    with pytest.raises(FormatError, match="7 bytes are missing at its end"):
+        list(read_video(path))
+    # A live stream does not know how long it will be: all bits of the size are set.
+    begins = data.index(bytes.fromhex("18538067")) + 4
+    path.write_bytes(data[:begins] + b"\x01" + 7 * b"\xff" + data[begins + 8 : -7])
+    assert bytes_missing(path) == 0
+
+
+def test_no_matroska_misses_nothing(tmp_path: Path) -> None:
+    for data in (b"", b"\x00" * 40, b"RIFF of an AVI", bytes.fromhex("1a45dfa3"), b"\x1a" * 5000):
+        (tmp_path / "a").write_bytes(data)
+        assert bytes_missing(tmp_path / "a") == 0
 
 
 def test_of_a_damaged_video_one_line_is_said(tmp_path: Path) -> None:

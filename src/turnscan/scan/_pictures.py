@@ -19,6 +19,7 @@ import numpy as np
 from turnscan.arrays import Image
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.scan._limits import PICTURE_BYTES, check_pixels
+from turnscan.scan._matroska import bytes_missing
 
 Pixels = TypeVar(
     "Pixels", np.ndarray[Any, np.dtype[np.uint8]], np.ndarray[Any, np.dtype[np.uint16]]
@@ -152,9 +153,11 @@ _BROKEN = (
 
 
 _COUNTED = (".avi", ".mp4", ".mov", ".m4v")
-"""Videos of these kinds hold the number of their frames; of others it is an estimate."""
+"""Videos of these kinds hold the number of their frames; of others it is an estimate (MKV and WebM
+tell how long they are)."""
 _ALL = 0.9
 """Of it: so many are all, as some cameras count frames that they have dropped."""
+_CUT_HINT = "copy the video again, or convert what is good of it to pictures, as PNG"
 _SILENT = "-8"
 """FFmpeg's level of messages at which it prints nothing."""
 
@@ -200,7 +203,14 @@ def read_video(path: str | Path) -> Iterator[Image]:
             raise FormatError(
                 f"{path}: {declared} frames are declared, {count} can be read: it is cut off or "
                 "damaged",
-                hint="copy the video again, or convert what is good of it to pictures, as PNG",
+                hint=_CUT_HINT,
+            )
+        missing = bytes_missing(path)
+        if missing:
+            raise FormatError(
+                f"{path}: {missing} bytes are missing at its end, {count} frames can be read: it "
+                "is cut off",
+                hint=_CUT_HINT,
             )
     finally:
         video.release()
