@@ -76,6 +76,8 @@ def test_a_clipped_channel_counts_less() -> None:
 def test_projection_by_name_and_by_weights() -> None:
     rgb = np.arange(24, dtype=np.uint8).reshape(2, 4, 3) * 10
     np.testing.assert_array_equal(project_colour(rgb, "green"), rgb[:, :, 1])
+    wide = project_colour(rgb, "green", np.uint16)
+    np.testing.assert_array_equal(wide, project_colour(rgb, (0.0, 2.0, 0.0), np.uint16))
     np.testing.assert_array_equal(
         project_colour(rgb, (0.5, 0.5, 0.0), np.uint16),
         (rgb[:, :, :2].astype(int).sum(axis=2) * 32).astype(np.uint16),
