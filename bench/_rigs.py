@@ -21,15 +21,8 @@ from turnscan.calibrate import (
     stripe_light,
 )
 from turnscan.rig import Pose, Rig, rotation_from_vector
-from turnscan.simulate import (
-    Bench,
-    Body,
-    Renderer,
-    SimulationSpec,
-    bench,
-    printed_plate,
-    seconds_of,
-)
+from turnscan.simulate import Bench, Body, Renderer, SimulationSpec, bench, seconds_of
+from turnscan.simulate._boards import printed_plate
 
 Knowledge = Literal["exact", "calibrated", "uncalibrated"]
 KNOWLEDGE: tuple[Knowledge, ...] = get_args(Knowledge)

@@ -92,7 +92,7 @@ def test_a_body_that_leaves_the_rig_open_is_refused_by_what_is_open() -> None:
     sweeps = both(true, sphere((0.11, 0.0, 22.0), 18.0), STEPS[::2], STEPS[::2], 3, every=12)
     settings = RefineSettings(queries=200, rounds=3, body=(Balls(), ((18.0, 0.005),)))
     with pytest.raises(
-        Degenerate, match=r"says too little.* 11\.99 mm before; open are"
+        Degenerate, match=r"says too little.* 11\.98 mm before; open are"
     ) as refused:
         refine(wrong, sweeps, settings)
     assert "tilted" in str(refused.value.hint)
@@ -131,9 +131,9 @@ def test_shapes_are_bent_by_as_much_as_draws_of_the_rig_bend_them() -> None:
 
 def _bent(true: Rig, rig: Rig, sweeps: list[Sweep]) -> float:
     """mm rms between what two rigs make of the same pixels, best laid on each other and scaled."""
-    from turnscan.calibrate._shape import _places
+    from turnscan.calibrate._shape import places_of
 
-    a, b = _places(true, sweeps), _places(rig, sweeps)
+    a, b = places_of(true, sweeps), places_of(rig, sweeps)
     p, q = a - a.mean(axis=0), b - b.mean(axis=0)
     u, s, vt = np.linalg.svd(p.T @ q)
     R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt

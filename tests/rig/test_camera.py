@@ -86,7 +86,7 @@ def test_ray_to_pixel_and_back(k: Any) -> None:
     found = np.isfinite(back[:, 0])
     # The tangential terms shift the true fold a little from the radial one, so near it a point
     # may be refused, but never replaced by another.
-    inside = np.isfinite(pixels[:, 0]) & ((xy**2).sum(axis=1) < 0.8 * camera._fold())
+    inside = np.isfinite(pixels[:, 0]) & ((xy**2).sum(axis=1) < 0.8 * camera._fold)
     np.testing.assert_allclose(back[found], xy[found], atol=1e-6)
     assert found[inside].all()
 

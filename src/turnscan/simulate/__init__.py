@@ -3,7 +3,6 @@
 from turnscan.simulate._address import Simulated, sim_camera, simulated, spec_of
 from turnscan.simulate._beam import Beam, Lens
 from turnscan.simulate._bench import Bench
-from turnscan.simulate._boards import printed_plate
 from turnscan.simulate._devices import SimCamera, SimLasers, SimTurntable, World
 from turnscan.simulate._exposure import expose
 from turnscan.simulate._gige import GigeServer
@@ -59,7 +58,6 @@ __all__ = [
     "path_phase",
     "pattern_weights",
     "pixel_contrast",
-    "printed_plate",
     "seconds_of",
     "sim_camera",
     "simulated",
