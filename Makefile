@@ -25,7 +25,9 @@ EXTRAS := dev$(if $(IN_CI),$(COMMA)genicam$(COMMA)cad$(COMMA)gige)
 
 $(STAMP): pyproject.toml constraints.txt | $(if $(IN_CI),system)
 	$(PYTHON) -m venv $(VENV)
-	$(INSTALL) -e '.[$(EXTRAS)]'
+	$(INSTALL) --no-compile -e '.[$(EXTRAS)]'
+	# pip would compile on one processor; some packages hold files that are no Python.
+	@$(BIN)/python -m compileall -q -j 0 $(VENV)/lib >/dev/null || :
 	touch $@
 
 # It compiles what the sources of the kernels say, and takes a second where these did not change.
