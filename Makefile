@@ -23,10 +23,10 @@ IN_CI := $(filter-out 0 false no off,$(CI))
 COMMA := ,
 EXTRAS := dev$(if $(IN_CI),$(COMMA)genicam$(COMMA)cad$(COMMA)gige)
 
+# pip would compile on one processor; some packages hold files that are no Python.
 $(STAMP): pyproject.toml constraints.txt | $(if $(IN_CI),system)
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --no-compile -e '.[$(EXTRAS)]'
-	# pip would compile on one processor; some packages hold files that are no Python.
 	@$(BIN)/python -m compileall -q -j 0 $(VENV)/lib >/dev/null || :
 	touch $@
 
