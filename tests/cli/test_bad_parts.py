@@ -107,7 +107,7 @@ def test_without_the_extra_a_step_file_is_one_line(
     [
         ("section", 0, "1 spline"),
         ("shapes", 0, "freeform: no shape within"),
-        ("revolve", 2, "not a turned part"),
+        ("revolve", 2, "lumpy.ply: not a turned part"),
     ],
 )
 def test_a_freeform_part_gets_no_invented_shape(

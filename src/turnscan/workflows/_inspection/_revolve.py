@@ -237,8 +237,11 @@ def revolve(
     wanted = chosen(RevolveOptions, options, changes)
     loaded, moves = measured_surface(source, "a turned part is measured on a mesh", progress)
     check_tolerance(wanted.tolerance, loaded.mesh)
-    turned = turned_about(loaded.mesh, moves)
-    cut, chains = wall_profile(turned)
+    try:
+        turned = turned_about(loaded.mesh, moves)
+        cut, chains = wall_profile(turned)
+    except InputError as e:
+        raise InputError(f"{loaded.name}: {e.message}", hint=e.hint) from None
     fitted = fit_outlines(chains, wanted.tolerance)
     rows = [[axis_counted(o, turned) for o in row] for row in fitted]
     outlines = [o for row in rows for o in row]
