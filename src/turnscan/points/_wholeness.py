@@ -75,6 +75,9 @@ _ABOUT, _FAR_ABOUT = 12.0, 40.0
 stripes: most veils are shorter than the first; in a pocket a whole stretch of a profile is one …"""
 _SURE_FAR = 0.2
 """… and so far off, stripes that are fainter as well are cut where they differ by more."""
+_DIPS, _DIM = 2, 0.5
+"""Lines to either side that tell how much light there is beside a stripe, and the part of it with
+less of which the stripe is taken for one that lies on none of the surfaces there."""
 _FEWEST_LINES, _MOST_LINES = 4, 200
 """Lines that such a stretch is long to either side, at least and at most."""
 _TILTED = 4.0
@@ -118,8 +121,9 @@ def wholeness(light: LitPoints) -> Wholeness:
     its centre is off. In steps longer than a few thicknesses of the sheet that is doubt alone, and
     no centre is moved. A stripe that is much fainter there than on the surface beside is the tail
     of one whose middle passes by.
-    What is narrower near any end than the stripes further in is doubted, too (`_ended`), and what
-    is narrower than most of its profile about it (`_narrow`).
+    What is narrower near any end than the stripes further in is doubted, too (`_ended`), what is
+    narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
+    on either side (`_dips`).
     """
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
@@ -128,6 +132,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     own, thickness, still = _lying(light, found, width, bright, arcs)
     sizes = _apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
+    more = np.maximum(more, _dips(light.width * light.amplitude, width))
     return replace(own, doubt=np.maximum(own.doubt, more - np.abs(own.shift)))
 
 
@@ -387,6 +392,22 @@ def _narrow(steadied: Floats, light: Floats, sizes: tuple[float, float]) -> Floa
         return out
 
     return np.concatenate(in_parts(part, len(steadied), -(-len(steadied) // _TOGETHER)))
+
+
+def _dips(flux: Floats, steadied: Floats) -> Floats:
+    """(s, n) px that stripes may be off which have less than half of the light (s, n) that there is
+    on either side of them in their profile.
+
+    A line of pixels that an edge across the profile crosses sees some of the light of a near
+    surface and some of that behind it; its centre lies in the air between. Nothing is narrow there.
+    """
+    sides = np.full((2, *flux.shape), np.nan)
+    for far in range(1, _DIPS + 1):
+        sides[0, :, far:] = np.fmax(sides[0, :, far:], flux[:, :-far])
+        sides[1, :, :-far] = np.fmax(sides[1, :, :-far], flux[:, far:])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        left = flux / np.minimum(*sides)
+        return np.where(left < _DIM, lacking(left) * steadied, 0.0)
 
 
 def _apart_along(points: Floats) -> float:
