@@ -10,7 +10,8 @@ from scipy.stats import norm
 
 from turnscan.points._cut import by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
-from turnscan.points._wholeness import wholeness
+from turnscan.points._own_light import Alone, Own, by_own_light
+from turnscan.points._wholeness import _dips, wholeness
 
 S, N, STEP, THICK = 14, 12, 8.0, 0.4
 DUE = THICK / (0.2 * np.cos(0.4))
@@ -91,6 +92,33 @@ def test_a_sheet_that_slopes_say_is_another_is_the_one_that_the_rig_states():
     points = seen.points + lean[:, None, None] * [0.0, 1.0, 0.0]
     told = wholeness(replace(seen, points=points, width=np.full((S, N), DUE)))
     assert told.thickness == 0.0
+
+
+@pytest.mark.parametrize(("light", "cut"), [(1.0, False), (0.62, False), (0.42, True), (0.2, True)])
+def test_a_narrow_stripe_with_less_light_than_its_slope_sends_is_cut(light, cut):
+    """Where a veil runs along the rays its plane explains a narrow stripe, and its ends are far."""
+    seen = notched(0.65, light)
+    walk = np.full((2, S, N), 0.2 * np.cos(0.4) / 0.65)
+    none = np.zeros((S, N), np.bool_)
+    own, alone = Own(seen.width, seen.amplitude, walk), Alone(none, none, none)
+    due = by_own_light(
+        seen, own, np.zeros((S, N)), alone, THICK, lambda w: np.full(w.shape, np.nan)
+    )
+    assert np.all((due[7] > 0.2 * seen.width[7]) == cut)
+    assert not np.delete(due, 7, 0).any()
+
+
+@pytest.mark.parametrize("lines", [1, 2, 4])
+def test_a_line_that_two_surfaces_above_each_other_share_is_doubted(lines):
+    """It is as wide as due, and much fainter than those on either side; four of them are more than
+    an edge across the profile makes."""
+    light = np.full((S, N), 100.0)
+    light[:, 6 : 6 + lines] = 30.0
+    off = _dips(light, np.full((S, N), 2.0))
+    assert np.all((off[:, 6 : 6 + lines] > 0.3 * 2.0) == (lines < 4))
+    assert not np.delete(off, range(6, 6 + lines), 1).any()
+    light[:, 6 + lines :] = np.nan
+    assert not _dips(light, np.full((S, N), 2.0)).any(), "an end is no dip"
 
 
 @pytest.mark.parametrize("left", [0.05, 0.3, 0.5, 0.8])

@@ -22,6 +22,8 @@ _SURE, _SURE_ALONE, _SURE_STILL, _DIM = 0.15, 0.25, 0.7, 0.5
 """Part of its width, on a surface that faces the camera, that a stripe may lack for other reasons:
 where the profiles beside do not agree, where none tells how the surface lies, and where no turn
 moves a point; and the part of the usual light, for its width, below which …"""
+_DARK = 0.7
+"""Part of a line's best light with less of which it is asked whether the slope explains it."""
 _BENDS = 0.5
 """rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
 bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
@@ -71,38 +73,47 @@ def by_own_light(
     so is a whole one only on a surface that the camera grazes; or there is less light in it. Where
     chords of long steps do not agree, an edge lies between them, and may lie under the sheet: then
     both must allow it, width and light, unless both are as on a surface that lies between the two
-    chords. Where a stripe is no wider than one on a surface that faces the camera, nothing moves
-    its centre further than the light allows that is left of a whole stripe's.
+    chords. On any surface that makes a stripe narrow as much light is left as it faces the camera;
+    what has less is cut. And where a stripe is no wider than one on a surface that faces the
+    camera, nothing moves its centre further than the light allows that is left of a whole one's.
     """
-    asked = (alone.lone | alone.still | alone.blind | (doubt > 0)) & (own.width > 0)
-    at = np.nonzero(asked)
+    whole = own.width * own.bright
+    best = _best(whole)
+    asked = alone.lone | alone.still | alone.blind | (doubt > 0) | (whole < _DARK * best)
+    at = np.nonzero(asked & (own.width > 0))
     if not (thickness > 0 and len(at[0])):
         return doubt
-    width, whole = own.width[at], own.width * own.bright
+    width, noise = own.width[at], _noise(whole)
     facing, lean = _facing(light, at)
     due = _due(facing, thickness, due_on)
-    ratio = np.minimum(width / due, 1.0)
-    lone, still = alone.lone[at], alone.still[at]
-    narrow = np.where(lone, by_width(ratio, _SURE_ALONE), by_width(ratio, _SURE_STILL))
-    flux = whole[at] / (np.nanmedian(whole) * ratio)
-    narrow = np.maximum(narrow, np.where(flux < _DIM, lacking(flux), 0.0)) * (lone | still)
-    light_left = whole[at] / _best(whole)[at[1]]
-    round_ = _round(own.walk[:, at[0], at[1]], (facing, lean), light_left)
+    ratio, left = np.minimum(width / due, 1.0), whole[at] / best[at[1]]
     with np.errstate(invalid="ignore", divide="ignore"):
         between = np.sqrt(own.walk[0][at] * own.walk[1][at])
-        round_ &= np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
-    noise = _noise(whole)
-    left = by_light(light_left, 1.0 - noise)
-    blind = alone.blind[at] & ~round_
-    blind = np.where(blind, np.minimum(by_width(ratio, _SURE), left), 0.0)
+        as_round = np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
+    as_round &= _round(own.walk[:, at[0], at[1]], (facing, lean), left)
+    off = by_light(left, 1.0 - noise)
+    blind = alone.blind[at] & ~as_round
+    found = np.where(blind, np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
+    of_slope = left / np.cos(np.arctan((1 - 1 / ratio) / lean))
+    found = np.maximum(found, np.where(ratio < 1 - _SURE, lacking(of_slope), 0.0) * width)
     # What is wider lies on surfaces behind each other, and may have all of its light; more light
     # than a whole stripe has comes from elsewhere.
-    told = (width <= (1 + _SURE) * due) & (light_left <= 1.0 + 2.0 * noise)
-    most = np.where(told, left * np.maximum(due, width), np.inf)
-    found = np.minimum(np.maximum(doubt[at], blind * due), most)
+    told = (width <= (1 + _SURE) * due) & (left <= 1.0 + 2.0 * noise)
+    most = np.where(told, off * np.maximum(due, width), np.inf)
+    found = np.minimum(np.maximum(doubt[at], found), most)
+    usual = whole[at] / (np.nanmedian(whole) * ratio)
+    alone_by = _nothing_beside(ratio, usual, alone.lone[at], alone.still[at])
     out = doubt.copy()
-    out[at] = np.nan_to_num(np.maximum(found, narrow * due))
+    out[at] = np.nan_to_num(np.maximum(found, alone_by * due))
     return out
+
+
+def _nothing_beside(ratio: Floats, usual: Floats, lone: Bools, still: Bools) -> Floats:
+    """(m,) whole widths that stripes may be off, of this part of their due width and of the usual
+    light for it, which are ``lone``, or ``still`` as the table turns; 0 for others."""
+    narrow = np.where(lone, by_width(ratio, _SURE_ALONE), by_width(ratio, _SURE_STILL))
+    dim = np.where(usual < _DIM, lacking(usual), 0.0)
+    return np.asarray(np.maximum(narrow, dim) * (lone | still))
 
 
 def _facing(light: LitPoints, at: tuple[Longs, ...]) -> tuple[Floats, Floats]:
