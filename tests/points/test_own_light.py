@@ -100,7 +100,7 @@ def test_a_narrow_stripe_with_less_light_than_its_slope_sends_is_cut(light, cut)
     seen = notched(0.65, light)
     walk = np.full((2, S, N), 0.2 * np.cos(0.4) / 0.65)
     none = np.zeros((S, N), np.bool_)
-    own, alone = Own(seen.width, seen.amplitude, walk), Alone(none, none, none)
+    own, alone = Own(seen.width, seen.amplitude, walk), Alone(none, none, none, none)
     due = by_own_light(
         seen, own, np.zeros((S, N)), alone, THICK, lambda w: np.full(w.shape, np.nan)
     )

@@ -55,6 +55,8 @@ class Alone(NamedTuple):
     """(s, n) True where no turn moves the point."""
     blind: Bools
     """(s, n) True where those beside are further off than the sheet reaches, and do not agree."""
+    agree: Bools
+    """(s, n) True where the chords to both lie alike to the light."""
 
 
 def by_own_light(
@@ -74,8 +76,9 @@ def by_own_light(
     chords of long steps do not agree, an edge lies between them, and may lie under the sheet: then
     both must allow it, width and light, unless both are as on a surface that lies between the two
     chords. On any surface that makes a stripe narrow as much light is left as it faces the camera;
-    what has less is cut. And where a stripe is no wider than one on a surface that faces the
-    camera, nothing moves its centre further than the light allows that is left of a whole one's.
+    what has less is cut, unless the chords agree and it is as wide as is due on them: then it is
+    dark. And where a stripe is no wider than one on a surface that faces the camera, nothing moves
+    its centre further than the light allows that is left of a whole one's.
     """
     whole = own.width * own.bright
     best = _best(whole)
@@ -89,13 +92,13 @@ def by_own_light(
     ratio, left = np.minimum(width / due, 1.0), whole[at] / best[at[1]]
     with np.errstate(invalid="ignore", divide="ignore"):
         between = np.sqrt(own.walk[0][at] * own.walk[1][at])
-        as_round = np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
-    as_round &= _round(own.walk[:, at[0], at[1]], (facing, lean), left)
+        fits = np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
     off = by_light(left, 1.0 - noise)
-    blind = alone.blind[at] & ~as_round
+    blind = alone.blind[at] & ~(fits & _round(own.walk[:, at[0], at[1]], (facing, lean), left))
     found = np.where(blind, np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
     of_slope = left / np.cos(np.arctan((1 - 1 / ratio) / lean))
-    found = np.maximum(found, np.where(ratio < 1 - _SURE, lacking(of_slope), 0.0) * width)
+    cut = (ratio < 1 - _SURE) & ~(fits & alone.agree[at])
+    found = np.maximum(found, np.where(cut, lacking(of_slope), 0.0) * width)
     # What is wider lies on surfaces behind each other, and may have all of its light; more light
     # than a whole stripe has comes from elsewhere.
     told = (width <= (1 + _SURE) * due) & (left <= 1.0 + 2.0 * noise)

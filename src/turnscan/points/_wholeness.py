@@ -190,7 +190,9 @@ def _lying(
     still = np.isinf(walk).any(axis=0)
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     lone = (np.isnan(walk).all(axis=0) | (ends & np.isnan(flat)).any(axis=0)) & ~still
-    alone = Alone(lone, still, (fine < KNOWN) & (~_agree(walk) | (doubt > 0)) & ~still)
+    agree = _agree(walk)
+    blind = (fine < KNOWN) & (~agree | (doubt > 0)) & ~still
+    alone = Alone(lone, still, blind, agree)
     doubt = by_own_light(light, Own(width, bright, walk), doubt, alone, thickness, due_on)
     own = Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0)
     return own, thickness, still
