@@ -87,8 +87,10 @@ def test_centres_at_a_depth_edge_that_are_no_place_of_the_surface_say_so() -> No
     assert after <= before
     wrong = done.swept.followed & ~done.swept.refined & (np.abs(done.before) > 0.3)
     assert wrong.sum() > 20
-    assert rms((done.before / done.sigma_before)[wrong]) > 8
-    assert rms((done.after / done.sigma_after)[wrong]) < 2.5
+    claimed = rms((done.after / done.sigma_after)[wrong])
+    assert claimed < 2.5
+    # What single stripes say of themselves is not enough there.
+    assert rms((done.before / done.sigma_before)[wrong]) > 1.5 * claimed
     # What was not refined keeps its place.
     for old, new, refined in zip(
         done.ordinary, done.swept.stripes, done.swept.refined, strict=True
