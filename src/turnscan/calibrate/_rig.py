@@ -32,8 +32,9 @@ from turnscan.calibrate._steps import AngleModel, angle_model
 from turnscan.calibrate._thickness import sheet_thickness
 from turnscan.rig import Marker, Pose, Rig
 
-_SIGNIFICANT = 3.0  # standard deviations for a parameter to be kept
-_HOPELESS = 0.5  # of that, by a linear step: no fit is needed to see that it is not
+_HOPELESS = 0.5
+"""Part of the standard deviations that a parameter needs to be kept, by a linear step: no fit is
+needed to see that it is not."""
 
 Say = Callable[[str], None]
 
@@ -185,18 +186,22 @@ def _without_bad_views(
 
 
 def _keep_significant(fit: Fit[State], network: RigNetwork, stages: Stages) -> Fit[State]:
-    """Add k3 and the sheets' bow where they are significant; drop p1 and p2 where they are not."""
-    names = network.names
+    """Add k3 and the sheets' bow where they earn it; drop p1 and p2 where they do not.
+
+    Wald's statistic of k parameters is what they lower χ² by; Bayes' information criterion asks for
+    k·ln n of n observations.
+    """
     free = stages.free(network, fit.state)
 
-    def matters(result: Fit[State], name: str, value: float) -> bool:
-        k = names.index(name)
-        return abs(value) > _SIGNIFICANT * float(np.sqrt(result.covariance[k, k]))
+    def matters(result: Fit[State], names: Sequence[str], values: Floats) -> bool:
+        k = [network.names.index(name) for name in names]
+        gain = float(values @ np.linalg.solve(result.covariance[np.ix_(k, k)], values))
+        return bool(gain > len(k) * np.log(_observations(result)))
 
-    p1, p2 = fit.state.rig.camera.distortion[2:4]
+    tangential = ["camera.p1", "camera.p2"]
     camera_given = "camera" in stages.given
-    if camera_given and not (matters(fit, "camera.p1", p1) or matters(fit, "camera.p2", p2)):
-        free[[names.index("camera.p1"), names.index("camera.p2")]] = False
+    if camera_given and not matters(fit, tangential, fit.state.rig.camera.distortion[2:4]):
+        free[[network.names.index(name) for name in tangential]] = False
         camera = fit.state.rig.camera
         d = camera.distortion * np.array([1, 1, 0, 0, 1])
         start = replace(fit.state, rig=replace(fit.state.rig, camera=replace(camera, distortion=d)))
@@ -207,9 +212,13 @@ def _keep_significant(fit: Fit[State], network: RigNetwork, stages: Stages) -> F
             asked[f"{sheet.name}.bow_aa"] = partial(_bow, sheet.name)
     for name, value in asked.items():
         more = _tried(network, fit, free, name, value(fit.state))
-        if more and matters(more[0], name, value(more[0].state)):
+        if more and matters(more[0], [name], np.array([value(more[0].state)])):
             fit, free = more
     return fit
+
+
+def _observations(fit: Fit[State]) -> int:
+    return sum(len(b.residual) for b in fit.blocks)
 
 
 def _bow(laser: str, state: State) -> float:
@@ -229,7 +238,7 @@ def _tried(
     tried = free.copy()
     tried[k] = True
     moved, sigma = one_step(network, fit, tried)
-    if abs(value + moved[k]) < _HOPELESS * _SIGNIFICANT * sigma[k]:
+    if abs(value + moved[k]) < _HOPELESS * np.sqrt(np.log(_observations(fit))) * sigma[k]:
         return None
     return adjust(network, fit.state, tried, near=fit), tried
 
