@@ -34,6 +34,7 @@ from turnscan.poses._refine import (
 from turnscan.poses._view import View, coarse
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
+from turnscan.threads import in_parts
 
 _SAMPLES = 12_000
 """Points of each view that the final refinement uses at most."""
@@ -124,7 +125,7 @@ def align(views: Sequence[View], starts: Sequence[Pose]) -> Alignment:
     links, e, middles = _state(views, poses, fine, last)
     C = covariance(e, held)
     n = range(len(views))
-    spaces = [empty(v, step) for v in views]
+    spaces = in_parts(lambda k, _: empty(views[k], step), len(views), len(views))
     fits = [fit(views, poses, spaces, rough, i, [j for j in n if j != i], step) for i in n]
     return Alignment(
         tuple(v.name for v in views),

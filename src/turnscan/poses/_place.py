@@ -25,6 +25,7 @@ from turnscan.poses._refine import (
 from turnscan.poses._view import View, coarse, thinned
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
+from turnscan.threads import in_parts
 
 _TRIED = 20
 """Placements of a view in another one that are looked at."""
@@ -85,7 +86,8 @@ class Desk:
         size = max(v.size for v in self.views)
         self.few = samples_of(self.views, self.step, _FEW)
         self.many = samples_of(self.views, self.step / 2, _MANY)
-        self.spaces = [empty(v, self.step) for v in self.views]
+        n = len(self.views)
+        self.spaces = in_parts(lambda k, _: empty(self.views[k], self.step), n, n)
         self.pairs = [sampled(v, self.step, size) for v in self.views]
         self.light = [thinned(v, _THIN * self._last([v])) for v in self.views]
 
@@ -161,6 +163,10 @@ class Desk:
                 out.append(found.pose)
         return out
 
+    def all_candidates(self, pairs: Sequence[tuple[int, int]]) -> list[list[Pose]]:
+        """The `candidates` of so many pairs of views, in their order."""
+        return in_parts(lambda k, _: self.candidates(*pairs[k]), len(pairs), len(pairs))
+
     def same(self, i: int, placed: Placed, a: Pose, b: Pose) -> bool:
         """True where two placements of view i differ by no more than what is undetermined."""
         some = sorted(placed)
@@ -197,12 +203,11 @@ def place(views: Sequence[View], tick: Callable[[], None] = lambda: None) -> lis
     while len(placed) < len(views):
         clear: dict[int, _Found] = {}
         unclear: list[int] = []
-        for i in (k for k in range(len(views)) if k not in placed):
-            starts = []
-            for j in placed:
-                if (i, j) not in tried:
-                    tried[i, j] = desk.candidates(i, j)
-                starts += [placed[j] @ p for p in tried[i, j]]
+        left = [k for k in range(len(views)) if k not in placed]
+        pairs = [(i, j) for i in left for j in placed if (i, j) not in tried]
+        tried.update(zip(pairs, desk.all_candidates(pairs), strict=True))
+        for i in left:
+            starts = [placed[j] @ p for j in placed for p in tried[i, j]]
             found = _distinct(desk, i, placed, starts)
             if len(found) == 1:
                 clear[i] = found[0]

@@ -12,6 +12,7 @@ from turnscan.arrays import Floats, Ints
 from turnscan.poses._links import Links, link, rows
 from turnscan.poses._view import View, thin
 from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
+from turnscan.threads import in_parts
 
 _ROUNDS = 60
 _SHRINK = 0.6
@@ -89,7 +90,13 @@ def all_links(
     views: Sequence[View], poses: Sequence[Pose], asked: Asked, reach: float
 ) -> list[Links]:
     """Links between the views, at most ``reach`` mm long."""
-    found = [link(views, poses, i, j, some, reach)[0] for (i, j), some in asked.items()]
+    pairs = list(asked)
+    if not pairs:
+        return []
+    found = in_parts(
+        lambda k, _: link(views, poses, *pairs[k], asked[pairs[k]], reach)[0],
+        len(pairs), len(pairs),
+    )  # fmt: skip
     return [k for k in found if len(k.p)]
 
 
