@@ -10,7 +10,7 @@ import pytest
 from tests.needs import needs
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.arrays import Floats
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, submesh
 from turnscan.shapes.primitives import find_shapes, shapes_volume_sigma, volume_slopes
 from turnscan.shapes.primitives._surface_kernels import frame
 from turnscan.workflows._inspection._shapes import find_shapes as found_on
@@ -70,6 +70,19 @@ def test_shapes_alone_say_how_well_a_volume_is_known() -> None:
         assert step.figures["volume_sigma_mm3"] == step.volume.sigma
     z = np.array(off) / np.array(said)
     assert 0.4 < np.sqrt(np.mean(z**2)) < 1.7
+
+
+def test_what_a_hole_covers_is_said_to_be_unknown() -> None:
+    """Six planes close where the mesh has a hole in one of them."""
+    needs("OpenCASCADE")
+    whole = noisy(_with_lids(prism(BOX, 12.0, 1.0)), SIGMA, 1)
+    middle = whole.triangles.mean(axis=1)
+    torn = submesh(whole, np.linalg.norm(middle - [12.0, 8.0, 12.0], axis=1) > 3.0)
+    for mesh, unknown in ((whole, False), (torn, True)):
+        step = found_on(mesh).step
+        assert step.volume is not None
+        assert step.volume.closed is not unknown
+        assert ("holes cover is not known" in step.findings[0].message) is unknown
 
 
 def _with_lids(walls: Mesh) -> Mesh:

@@ -35,6 +35,8 @@ class SolidVolume:
     """By the filled faces on no shape."""
     hollow: float
     """By what fillings may cover."""
+    closed: bool = True
+    """False of an open mesh: nobody knows what its holes cover, and no uncertainty has it."""
 
     @property
     def measured(self) -> float:
@@ -74,9 +76,10 @@ class SolidVolume:
         }
 
     def __str__(self) -> str:
+        holes = "" if self.closed else "; what the mesh's holes cover is not known"
         return (
             f"{self.value:.1f} ± {self.sigma:.3g} mm³ ({self.measured:.3g} of it measured, "
-            f"{self.shapes:.3g} by the shapes; u mostly from {self.mostly})"
+            f"{self.shapes:.3g} by the shapes; u mostly from {self.mostly}{holes})"
         )
 
 
@@ -112,7 +115,7 @@ def solid_volume(
     rest = shape[near.face] < 0
     left = _left(mesh, found, near.distance, ~rest)
     if not is_closed(mesh):
-        return SolidVolume(value, sigma, 0.0, 0.0, left, 0.0, 0.0)
+        return SolidVolume(value, sigma, 0.0, 0.0, left, 0.0, 0.0, closed=False)
     known = volume_sigma(mesh, source, rest)
     parts = (known.noise, known.between, known.alike, known.profiles)
     others = float(np.sqrt(np.square(np.nan_to_num(parts)).sum()))
