@@ -36,7 +36,7 @@ class SolidVolume:
     hollow: float
     """By what fillings may cover."""
     closed: bool = True
-    """False of an open mesh: nobody knows what its holes cover, and no uncertainty has it."""
+    """False of an open mesh: what its holes cover is unknown, and no uncertainty has it."""
 
     @property
     def measured(self) -> float:
