@@ -130,7 +130,7 @@ def kill_edits(ask: dict[str, Any]) -> dict[str, Any]:
 
 
 def kill(ask: dict[str, Any]) -> dict[str, Any]:
-    """Kill a scan after ``seconds``, or ``delay`` s after the beginning of commit ``commit``."""
+    """Kill a scan ``delay`` s after the beginning of commit ``commit``, or of the scan where 0."""
 
     def work(said: int) -> Any:
         if ask.get("mutant"):
@@ -157,15 +157,12 @@ def _killed(ask: dict[str, Any], work: Callable[[int], Any]) -> dict[str, Any]:
     path = Path(ask["path"])
     pid, read = fork(lambda: work(said))
     os.close(said)
-    if "commit" in ask:
-        seen = 0
-        while seen < ask["commit"] and (more := os.read(told, ask["commit"] - seen)):
-            seen += len(more)
-        end = time.perf_counter() + ask["delay"]
-        while time.perf_counter() < end:
-            pass
-    else:
-        time.sleep(ask["seconds"])
+    seen = 0
+    while seen < ask["commit"] and (more := os.read(told, ask["commit"] - seen)):
+        seen += len(more)
+    end = time.perf_counter() + ask["delay"]
+    while time.perf_counter() < end:
+        pass
     os.kill(pid, signal.SIGKILL)
     done = answer(pid, read)
     os.close(told)
