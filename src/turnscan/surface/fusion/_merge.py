@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,8 +19,9 @@ from turnscan.surface._grid_mesh import TearLimits
 from turnscan.surface.decimation import dissolve
 from turnscan.surface.fusion._carve import carved
 from turnscan.surface.fusion._combine import paste
+from turnscan.surface.fusion._kept import Merged, keeping
 from turnscan.surface.fusion._overlap import apart_findings, overlap_findings, overlaps
-from turnscan.surface.fusion._polar import merge_polar, polar_grid
+from turnscan.surface.fusion._polar import PolarGrid, merge_polar, polar_grid
 from turnscan.surface.fusion._range_surface import (
     RangeSurface,
     range_surfaces,
@@ -55,7 +56,8 @@ def merge(
     every measured point and averages nothing (`paste`). All points are merged; ``along`` chooses
     those of a surface that is made of profiles (``paste``, ``grid``). ``auto`` pastes a single
     grid, and merges several by ``grid`` where the part allows it and the table turned, else by
-    ``tsdf``. ``sewn``: the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces
+    ``tsdf``; where that leaves out more than a tenth of what was measured, by what keeps most of it
+    (`keeping`). ``sewn``: the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces
     not ``measured``.
 
     The order of the grids does not matter, to the last bit, as long as their lasers have names of
@@ -87,28 +89,69 @@ def merge(
             "scans without a turning table have no angle to merge by",
             hint=Remedy("use ", Option("merge", "tsdf")),
         )
-    if turns and how != "tsdf":
-        cells = polar_grid(surfaces, _steps(there), rise(surfaces))
-        why = f"{cells.several:.1%} of the cells have several radii, {cells.flat:.0%} is level"
-        if how == "grid" or cells.fits:
-            mesh, off = merge_polar(cells, surfaces, t, along)
-            text = f"{len(there)} grids merged in angle and height ({why}); {off} cells disagreed"
-            return mesh, [
-                *findings,
-                _merged_by(text, "tsdf|paste"),
-            ]
+    ways = _Ways(
+        grids, surfaces, t, along, sewn, spacing(surfaces) if voxel is None else voxel, sigma
+    )
+    if not turns or how == "tsdf":
+        mesh, said = ways.in_voxels("asked for" if turns else "the scans have no common axis")
+        return mesh, [*findings, *said]
+    cells = polar_grid(surfaces, _steps(there), rise(surfaces))
+    why = f"{cells.several:.1%} of the cells have several radii, {cells.flat:.0%} is level"
+    if how == "grid":
+        mesh, said = ways.by_angle(cells, why)
     else:
-        why = "asked for" if how == "tsdf" else "the scans have no common axis"
-    size = spacing(surfaces) if voxel is None else voxel
-    ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
-    text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
-    if along is not None:
-        text += "; the spacing along profiles has no effect"
-    findings.append(_merged_by(text, "grid|paste"))
-    most = max(size, 3 * sigma)
-    mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, most)
-    mesh, lost = _confirmed(mesh, surfaces, size, most)
-    return mesh, [*findings, *lost]
+        # What is thinned afterwards holds less, whichever way it was merged.
+        best, why, (mesh, said) = keeping(surfaces, replace(ways, along=None).all(cells), why)
+        if along is not None:
+            mesh, said = ways.all(cells)[best](why)
+    return mesh, [*findings, *said]
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """The ways of merging the same surfaces; each takes the reason for which it was chosen."""
+
+    grids: Sequence[RangeGrid]
+    surfaces: Sequence[RangeSurface]
+    tears: TearLimits
+    along: Along | None
+    sewn: bool
+    voxel: float
+    """mm."""
+    sigma: float
+    """mm: the usual one."""
+
+    @property
+    def count(self) -> int:
+        """Grids that saw anything."""
+        return sum(bool(g.found.any()) for g in self.grids)
+
+    def all(self, cells: PolarGrid) -> list[Callable[[str], Merged]]:
+        """Those that a turning table allows, first the one that fits the part's shape."""
+        by_shape = [lambda why: self.by_angle(cells, why), self.in_voxels]
+        return [*(by_shape if cells.fits else by_shape[::-1]), self.side_by_side]
+
+    def by_angle(self, cells: PolarGrid, why: str) -> Merged:
+        """In cells of angle and height."""
+        mesh, off = merge_polar(cells, self.surfaces, self.tears, self.along)
+        text = f"{self.count} grids merged in angle and height ({why}); {off} cells disagreed"
+        return mesh, [_merged_by(text, "tsdf|paste")]
+
+    def in_voxels(self, why: str) -> Merged:
+        """In voxels."""
+        size, most = self.voxel, max(self.voxel, 3 * self.sigma)
+        ramp = min(max(2.5 * size, 3 * self.sigma), 6 * size)
+        text = f"{self.count} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
+        if self.along is not None:
+            text += "; the spacing along profiles has no effect"
+        mesh = fuse(self.surfaces, size, ramp, _SEAM if self.sewn else 0, most)
+        mesh, lost = _confirmed(mesh, self.surfaces, size, most)
+        return mesh, [_merged_by(text, "grid|paste"), *lost]
+
+    def side_by_side(self, why: str) -> Merged:
+        """Pasted: nothing is averaged."""
+        text = f"{self.count} grids pasted, nothing averaged ({why})"
+        return paste(self.grids, self.tears, self.along), [_merged_by(text, "grid|tsdf")]
 
 
 def _merged_by(text: str, others: str) -> Finding:
