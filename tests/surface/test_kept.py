@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.surface.test_merge_truth import scanned
+from tests.surface.known_parts import scanned
 from turnscan.mesh import Mesh, submesh
 from turnscan.points import Along
 from turnscan.surface.fusion import merge, range_surfaces
