@@ -8,7 +8,8 @@ pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --ste
 scans a part so many times and tells how often its sizes keep their uncertainty; with ``--drawn`` it
 is one scan by so many calibrations from drawn corners and stripes, which take seconds, not minutes;
 ``--pictures 8,8,12 24,16,24`` draws so many boards held freely, under the laser and on the table,
-each in turn; ``--keep FOLDER``
+each in turn, of rendered ones with
+``--calibrated``; ``--keep FOLDER``
 keeps the scans there and finds them again; ``--plain`` takes the mesh as an STL holds it, without
 sigmas; parts without sizes, such as ``head``, can be named, too; ``--freeform`` tells what is
 invented on a dense mesh of which nothing is a shape, and how long that takes.
@@ -29,7 +30,7 @@ from scipy.optimize import least_squares
 from bench import _keep
 from bench._drawn import from_drawn
 from bench._page import DOCS, MEASURED, figures, measured, replaced, write
-from bench._rigs import VIEWS, known_rig
+from bench._rigs import VIEWS, from_pictures
 from bench.accuracy import NEAR_EDGE
 from bench.surface_truth import scanned
 from turnscan.arrays import Floats
@@ -138,9 +139,10 @@ class Task:
     @property
     def how(self) -> str:
         """What the table says of it."""
-        more = ", rig calibrated" if self.calibrated else ""
+        by = " + ".join(map(str, self.pictures))
+        more = f", rig by {by} rendered boards" if self.calibrated else ""
         if self.drawn is not None:
-            more = f", rig by {' + '.join(map(str, self.pictures))} drawn boards"
+            more = f", rig by {by} drawn boards"
         more += ", as STL" if self.plain else ""
         return f"{self.steps} steps{more}" + (f", seed {self.seed}" if self.seed != 1 else "")
 
@@ -186,9 +188,10 @@ def _believed(task: Task, made: Bench, folder: Path) -> Rig:
         return from_drawn(task.spec, task.drawn, task.pictures)
     if not task.calibrated:
         return made.rig
-    path = folder / f"rig-{task.part}-{task.rig}-seed-{task.seed}.json"
+    many = "-".join(map(str, task.pictures))
+    path = folder / f"rig-{task.part}-{task.rig}-seed-{task.seed}-pictures-{many}.json"
     if not path.exists():
-        path.write_text(rig_to_json(known_rig(made, task.spec, "calibrated") or made.rig))
+        path.write_text(rig_to_json(from_pictures(task.spec, task.pictures)))
     return rig_from_json(path.read_text())
 
 
@@ -384,7 +387,7 @@ def _table(tasks: Sequence[Task], folder: Path, into_pages: bool) -> None:
         lines += more
         print("\n".join(more), flush=True)
         if into_pages:
-            into_page("shapes", tasks[0].rig, lines)
+            into_page("shapes-calibrated" if task.calibrated else "shapes", task.rig, lines)
 
 
 def into_page(table: str, rig: str, lines: Sequence[str]) -> None:
@@ -443,12 +446,13 @@ def main() -> None:
     if args.plain and args.write:
         parser.error("the pages' rows are of scans, not of files without sigmas")
     tasks = [
-        Task(name, args.rig, args.calibrated, args.seed, args.steps, args.seed, _pictures(text))
-        if args.drawn
-        else Task(name, args.rig, args.calibrated, args.seed, args.steps, plain=args.plain)
+        Task(
+            name, args.rig, args.calibrated, args.seed, args.steps,
+            args.seed if args.drawn else None, _pictures(text), args.plain,
+        )
         for name in args.parts or PARTS
-        for text in (args.pictures if args.drawn else args.pictures[:1])
-    ]
+        for text in args.pictures
+    ]  # fmt: skip
     with _keep.folder(args.keep) as folder:
         if args.seeds is None:
             _table(tasks, folder, args.write)

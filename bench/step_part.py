@@ -38,7 +38,8 @@ from turnscan.mesh import Mesh, is_closed
 from turnscan.progress import no_progress
 from turnscan.shapes import deviation
 from turnscan.shapes.primitives._find import sigma_of
-from turnscan.shapes.primitives._regions import LEAST, SPAN, Ground, poor, prepared, spanned
+from turnscan.shapes.primitives._ground import Ground, prepared
+from turnscan.shapes.primitives._judged import LEAST, SPAN, poor, spanned
 from turnscan.shapes.primitives._shapes import KINDS
 from turnscan.simulate import Bench, SimulationSpec
 from turnscan.workflows._inspection._compare import measured_labels

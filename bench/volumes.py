@@ -36,7 +36,7 @@ from turnscan.points import RangeGrid, placed
 from turnscan.rig import Pose
 from turnscan.scan import Scan
 from turnscan.settings import Settings
-from turnscan.shapes._volume import VolumeSigma
+from turnscan.shapes import VolumeSigma
 from turnscan.simulate import Bench, SimulationSpec
 from turnscan.surface.fusion import RangeSurface, range_surfaces
 from turnscan.surface.holes import ClosingOptions

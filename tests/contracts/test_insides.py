@@ -16,13 +16,13 @@ MOST_NAMES = {
     "drawings": 20,  # with shells of faces, their triangles and colours
     "edit": 83,  # with names of edits, and edits of named sets of settings
     "formats": 18,  # with the texture beside an OBJ
-    "mesh": 25,  # with samples of a surface and faces about vertices, which other rooms had
+    "mesh": 26,  # with samples of a surface, faces about vertices and areas, which other rooms had
     "points": 40,
     "poses": 17,  # with the ways in which a part that is alike from several sides fits
     "rig": 26,
     "scan": 28,
     "scanner": 22,
-    "shapes": 45,
+    "shapes": 47,  # with all common causes at once, and the parts of a volume, which solids have
     "simulate": 40,
     "stripes": 28,
     "surface": 4,

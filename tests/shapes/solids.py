@@ -43,6 +43,23 @@ def prism(outline: list[tuple[float, float]], height: float, step: float) -> Mes
     return wrapped(grid)
 
 
+def closed_box() -> Mesh:
+    """24 × 16 × 12 mm from z = 0 up, with vertices a millimetre apart on all sides."""
+    walls = prism([(0.0, 0.0), (24.0, 0.0), (24.0, 16.0), (0.0, 16.0)], 12.0, 1.0)
+    x, y = np.arange(0, 25.0), np.arange(0, 17.0)
+    flat = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(24), np.arange(16), indexing="ij"))
+    a = i * 17 + j
+    up = np.concatenate([np.column_stack([a, a + 17, a + 18]), np.column_stack([a, a + 18, a + 1])])
+    X, F = [walls.vertices], [walls.faces]
+    for height, faces in ((12.0, up), (0.0, up[:, ::-1])):
+        F.append(faces + sum(map(len, X)))
+        X.append(np.column_stack([flat, np.full(len(flat), height)]))
+    every = np.round(np.concatenate(X), 6)
+    once, back = np.unique(every, axis=0, return_inverse=True)
+    return Mesh(once, back.reshape(-1)[np.concatenate(F)])
+
+
 def wrapped(grid: Floats) -> Mesh:
     """Triangles of a grid (rows, columns, 3) whose columns close; rows go up, columns around."""
     rows, columns, _ = grid.shape

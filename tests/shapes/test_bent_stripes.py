@@ -8,7 +8,9 @@ from turnscan.arrays import Floats
 from turnscan.mesh import Mesh, Provenance
 from turnscan.shapes.primitives import find_shapes
 from turnscan.shapes.primitives._find import _kept, sigma_of
-from turnscan.shapes.primitives._regions import Region, bent, prepared
+from turnscan.shapes.primitives._ground import prepared
+from turnscan.shapes.primitives._judged import bent
+from turnscan.shapes.primitives._region import Region
 from turnscan.shapes.primitives._surface_kernels import CYLINDER, PLANE
 
 ROWS, SIGMA = 60, 0.02

@@ -10,7 +10,7 @@ import pytest
 from tests.shapes.solids import averaged, noisy, prism, turned
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import find_shapes
-from turnscan.shapes.primitives._regions import prepared
+from turnscan.shapes.primitives._ground import prepared
 
 SIGMA = 0.03
 SHAFT = [(20.0, 0.0), (20.0, 30.0), (12.0, 30.0), (12.0, 54.0), (11.0, 55.0), (0.5, 55.0)]

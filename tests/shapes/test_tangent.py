@@ -8,7 +8,8 @@ import pytest
 from tests.shapes.solids import averaged, noisy, prism, turned
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import find_shapes
-from turnscan.shapes.primitives._regions import fair, prepared, rows
+from turnscan.shapes.primitives._ground import prepared
+from turnscan.shapes.primitives._judged import fair, rows
 from turnscan.shapes.primitives._surface_kernels import CYLINDER, PLANE
 
 RADIUS, WALL = 12.0, 9.0

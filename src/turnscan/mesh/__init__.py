@@ -1,7 +1,7 @@
 """Mesh, topology, normals, rays, sections, soundness: what any mesh program has."""
 
 from turnscan.mesh._cut import clip, cut, sections
-from turnscan.mesh._mesh import Mesh, Provenance
+from turnscan.mesh._mesh import Mesh, Provenance, vector_areas
 from turnscan.mesh._normals import smoothed_normals, vertex_normals
 from turnscan.mesh._parts import (
     components,
@@ -49,6 +49,7 @@ __all__ = [
     "smoothed_normals",
     "soundness",
     "submesh",
+    "vector_areas",
     "vertex_fans",
     "vertex_normals",
 ]

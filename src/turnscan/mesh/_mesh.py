@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     import trimesh
 
 
+def vector_areas(triangles: Floats) -> Floats:
+    """(n, 3) mm² along the normals of triangles (n, 3, 3) mm: as long as each is large."""
+    first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
+    areas: Floats = np.cross(first, second) / 2
+    return areas
+
+
 @dataclass(frozen=True)
 class Provenance:
     """For each vertex of a mesh: the laser, step and line that measured it, and how well."""
@@ -81,8 +88,7 @@ class Mesh:
     def area_of(self, which: Bools | None = None) -> float:
         """Area of the faces where ``which`` (f,) is True, mm²; None takes all."""
         t = self.triangles if which is None else self.triangles[which]
-        normals = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-        return float(np.linalg.norm(normals, axis=1).sum() / 2)
+        return float(np.linalg.norm(vector_areas(t), axis=1).sum())
 
     @property
     def volume(self) -> float:

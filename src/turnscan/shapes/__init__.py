@@ -29,8 +29,14 @@ from turnscan.shapes._section import (
     plane_cut,
 )
 from turnscan.shapes._section_fit import FittedSection, fit_section
-from turnscan.shapes._shared import Source, View, calibration_moves
-from turnscan.shapes._volume import mean_curvature, volume_figures, volume_in_words, volume_sigma
+from turnscan.shapes._shared import Source, View, calibration_moves, common_moves
+from turnscan.shapes._volume import (
+    VolumeSigma,
+    mean_curvature,
+    volume_figures,
+    volume_in_words,
+    volume_sigma,
+)
 
 __all__ = [
     "Arc",
@@ -50,9 +56,11 @@ __all__ = [
     "Spline",
     "Spot",
     "View",
+    "VolumeSigma",
     "area",
     "area_base",
     "calibration_moves",
+    "common_moves",
     "corner_angle",
     "cross_section",
     "deviation",

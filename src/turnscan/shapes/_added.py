@@ -16,9 +16,9 @@ from turnscan.mesh import (
     measured_vertices,
     smoothed_normals,
     submesh,
+    vector_areas,
     vertex_normals,
 )
-from turnscan.shapes._area import face_vectors
 
 _EDGE = float(np.cos(np.radians(60.0)))
 """Along most of the border of a lid the surface stands steeper than this on it."""
@@ -70,7 +70,8 @@ def added_part(mesh: Mesh, faces: Bools | None = None) -> Added:
     if not known.any():
         return Added(0.0, abs(mesh.volume))
     normals = border_normals(mesh, known, real)
-    area, size = face_vectors(mesh)
+    area = vector_areas(mesh.triangles)
+    size = np.linalg.norm(area, axis=1)
     doubt = np.zeros(len(area))
     doubt[~real] = _doubt(mesh, known, normals, area[~real])
     volume = sigma = 0.0
@@ -101,7 +102,8 @@ def filled_area_sigma(mesh: Mesh, faces: Bools | None = None) -> float:
     if real is None or real[chosen].all():
         return 0.0
     known = measured_vertices(mesh)
-    area, size = face_vectors(mesh)
+    area = vector_areas(mesh.triangles)
+    size = np.linalg.norm(area, axis=1)
     if not known.any():
         return float(size[chosen].sum())
     normals = border_normals(mesh, known, real)

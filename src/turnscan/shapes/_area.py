@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
-from turnscan.mesh import Mesh, faces_about
+from turnscan.mesh import Mesh, faces_about, vector_areas
 
 _ROUNDS = 8
 """How often normals are averaged: of 6 % of roughness 0.1 to 0.3 % are left then."""
@@ -30,7 +30,8 @@ def smooth_normals(mesh: Mesh) -> Floats | None:
         return None
     from turnscan.shapes import _area_kernels as kernels
 
-    vectors, size = face_vectors(mesh)
+    vectors = vector_areas(mesh.triangles)
+    size = np.linalg.norm(vectors, axis=1)
     fair = np.maximum(size, 1e-12)
     s = np.nan_to_num(mesh.provenance.sigma)[mesh.faces]
     tilts = (s**2 * (_opposite(mesh) ** 2).sum(axis=2)).sum(axis=1) / (4 * fair**2)
@@ -47,7 +48,8 @@ def smooth_area(mesh: Mesh, chosen: Bools, normals: Floats | None) -> tuple[floa
     vertices to and fro, whose sum over a region is nothing, changes no vector area. ``normals``
     None takes the faces as they are, and the uncertainty is NaN.
     """
-    vectors, size = face_vectors(mesh)
+    vectors = vector_areas(mesh.triangles)
+    size = np.linalg.norm(vectors, axis=1)
     if normals is None or mesh.provenance is None:
         return float(size[chosen].sum()), float("nan")
     along = normals[chosen]
@@ -71,13 +73,6 @@ def _bend(mesh: Mesh, normals: Floats) -> Floats:
     corner /= np.maximum(np.linalg.norm(corner, axis=1), 1e-12)[:, None]
     bend = 1.0 - np.einsum("fj,fij->fi", normals, corner[mesh.faces]).mean(axis=1)
     return np.where(bend < _EDGE**2 / 2, bend, 0.0)
-
-
-def face_vectors(mesh: Mesh) -> tuple[Floats, Floats]:
-    """(f, 3) mm² the vector areas of the faces, and (f,) their sizes."""
-    t = mesh.triangles
-    vectors = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 2
-    return vectors, np.asarray(np.linalg.norm(vectors, axis=1))
 
 
 def _opposite(mesh: Mesh) -> Floats:

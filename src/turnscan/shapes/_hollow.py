@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.mesh import Caster, Mesh, measured_vertices, submesh
+from turnscan.mesh import Caster, Mesh, measured_vertices, submesh, vector_areas
 from turnscan.points import working_volume
 from turnscan.shapes._added import border_normals, fillings
-from turnscan.shapes._area import face_vectors
 from turnscan.shapes._shared import View
 from turnscan.surface.holes import ScanCoverage, reached
 
@@ -85,7 +84,8 @@ def _places(mesh: Mesh, real: Bools) -> _Asked:
 
     known = measured_vertices(mesh)
     normals = border_normals(mesh, known, real)
-    area, size = face_vectors(mesh)
+    area = vector_areas(mesh.triangles)
+    size = np.linalg.norm(area, axis=1)
     middle = mesh.triangles.mean(axis=1)
     sides = mesh.triangles[real] - np.roll(mesh.triangles[real], 1, axis=1)
     sample = float(np.median(np.linalg.norm(sides, axis=2)))

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
-from turnscan.mesh import Mesh, is_closed, measured_vertices, sections
+from turnscan.mesh import Mesh, is_closed, measured_vertices, sections, vector_areas
 from turnscan.shapes._added import filled_area_sigma
 from turnscan.shapes._area import smooth_area, smooth_normals
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
@@ -154,7 +154,7 @@ def plane_of(mesh: Mesh, faces: Bools) -> Plane:
     points, sigma = _corners(mesh, faces)
     plane = fit_plane(points, sigma)
     t = mesh.triangles[faces]
-    outward = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]).sum(axis=0)
+    outward = vector_areas(t).sum(axis=0)
     if outward @ plane.normal >= 0:
         return plane
     return Plane(
@@ -246,7 +246,7 @@ def area(mesh: Mesh, faces: Bools | None = None, base: AreaBase | None = None) -
     found, sigma = smooth_area(mesh, chosen, normals)
     sigma = float(np.hypot(sigma, filled))
     t = mesh.triangles[chosen]
-    each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+    each = np.linalg.norm(vector_areas(t), axis=1)
     text = f"of {int(chosen.sum())} faces" + _unmeasured(mesh, chosen, each)
     if not np.isnan(sigma):
         text += f"; {max(float(each.sum()) - found, 0.0):.1f} mm² of roughness by noise taken off"
@@ -261,7 +261,7 @@ def volume(mesh: Mesh, source: Source | None = None) -> Measured:
     if not is_closed(mesh):
         raise InputError("the surface is open, so it has no volume", hint="close it first")
     t = mesh.triangles
-    each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+    each = np.linalg.norm(vector_areas(t), axis=1)
     known = volume_sigma(mesh, source)
     text = "within the surface" + _unmeasured(mesh, np.ones(len(t), dtype=np.bool_), each)
     if known.added or known.unmeasured:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, measured_vertices, submesh, vertex_normals
+from turnscan.mesh import Mesh, measured_vertices, submesh, vector_areas, vertex_normals
 from turnscan.shapes._fit import fit_plane
 from turnscan.shapes._forms import Plane
 from turnscan.shapes._measure import sigma_of
@@ -143,7 +143,7 @@ def _finish(
             -plane.normal, -plane.distance, plane.centre, plane.rms, plane.covariance, plane.count
         )
     t = mesh.triangles[inside[mesh.faces].all(axis=1)]
-    size = (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) @ plane.normal).sum() / 2
+    size = (vector_areas(t) @ plane.normal).sum()
     return PlaneRegion(plane, inside, float(size))
 
 
@@ -202,8 +202,7 @@ def _noise(rough: Floats) -> float:
 
 def _vertex_area(mesh: Mesh) -> Floats:
     """(v,) mm²: a third of the faces about each vertex."""
-    t = mesh.triangles
-    size = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 6
+    size = np.linalg.norm(vector_areas(mesh.triangles), axis=1) / 3
     corners = mesh.faces.ravel()
     return np.asarray(np.bincount(corners, np.repeat(size, 3), minlength=len(mesh.vertices)), float)
 

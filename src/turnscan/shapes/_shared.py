@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from turnscan.arrays import Floats, Ints, Longs
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, vector_areas
 from turnscan.points import RangeGrid, pixel_moves, pixels_of, rig_moves
 from turnscan.rig import Pose, Rig
 from turnscan.surface.fusion import RangeSurface
@@ -103,6 +103,12 @@ def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
             yield field[near]
 
 
+def common_moves(mesh: Mesh, source: Source) -> list[Floats]:
+    """(v, 3) mm each: how the vertices of a mesh move with all that they have in common: the
+    calibration (`calibration_moves`), and the other causes of their source."""
+    return [*calibration_moves(mesh, source), *source.moves]
+
+
 def _moves_of(view: View, points: Floats, row: Longs, line: Ints) -> Iterator[Floats]:
     """(m, 3) mm: how points of a view, measured in those rows and lines of its grid, move with its
     rig, in the frame of the mesh."""
@@ -143,6 +149,6 @@ def profile_sigma(profiles: Sequence[RangeSurface], mesh: Mesh) -> float:
         over, on = np.roll(t, -1, axis=1), np.roll(n, -1, axis=1)
         rise = np.einsum("fij,fij->fi", on - n, over - t) / 8
         rise[np.einsum("fij,fij->fi", on, n) < _EDGE] = 0.0
-        each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+        each = np.linalg.norm(vector_areas(t), axis=1)
         total, area = total + float(each @ rise.sum(axis=1)) / 3, area + float(each.sum())
     return abs(total / area) * mesh.area_of() if area > 0 else 0.0

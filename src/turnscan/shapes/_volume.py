@@ -5,17 +5,16 @@ The parts of the uncertainty are derived in ``docs/explain/accuracy.md``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.mesh import Mesh, opposite_half_edges
+from turnscan.mesh import Mesh, opposite_half_edges, vector_areas
 from turnscan.shapes._added import added_part
 from turnscan.shapes._hollow import hollow_sigma
-from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
+from turnscan.shapes._shared import Source, common_moves, moved, profile_sigma
 
 _WIDEST = 0.95
 """Share of the sides whose faces are as wide as they count; wider ones cross a gap or an edge."""
@@ -23,7 +22,7 @@ _WIDEST = 0.95
 
 @dataclass(frozen=True)
 class VolumeSigma:
-    """Standard uncertainties of a volume, mm³, by their causes."""
+    """Standard uncertainties of a volume, mm³, by their causes; of a mesh, or of a solid of it."""
 
     noise: float
     """Of the points, independent from one to the next; NaN where their sigma is not known."""
@@ -45,10 +44,18 @@ class VolumeSigma:
     added: float = 0.0
     """mm³ that the fillings hold beyond straight fans over their borders; part of the volume."""
 
+    shapes: float = 0.0
+    """Of a solid, by its faces on shapes, as points and calibration give these."""
+
+    left: float = 0.0
+    """Of a solid, by what it leaves of measured points that lie on no shape."""
+
     @property
     def measured(self) -> float:
-        """Of the measured part, whatever was filled; NaN where the noise is not known."""
-        own = (self.noise, self.between, self.alike, self.profiles, self.shared)
+        """Of the measured part, whatever was filled; NaN where the noise is not known. What the
+        calibration does may be alike on shapes and on the rest."""
+        common = self.shared + self.shapes
+        own = (self.noise, self.between, self.alike, self.profiles, self.left, common)
         return float(np.sqrt(sum(part**2 for part in own)))
 
     @property
@@ -72,17 +79,23 @@ class VolumeSigma:
             "what fillings may cover": self.hollow,
             "the interpolation between the profiles": self.profiles,
             "the calibration": self.shared,
+            "the shapes": self.shapes,
+            "what lies on no shape": self.left,
         }
         return max(parts, key=lambda k: parts[k])
 
 
 def volume_sigma(
-    mesh: Mesh, source: Source | None = None, faces: Bools | None = None
+    mesh: Mesh,
+    source: Source | None = None,
+    faces: Bools | None = None,
+    moves: Sequence[Floats] | None = None,
 ) -> VolumeSigma:
     """How well the volume within a closed mesh is known, as far as its ``source`` is.
 
     With ``faces`` (f,) only these are in doubt, the others lie on something that is known better;
-    what fillings hide counts all the same.
+    what fillings hide counts all the same. ``moves`` are the `common_moves` of both, where they
+    are worked out already.
 
     - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i and
       σᵢ their sigma, the usual one at most.
@@ -98,11 +111,11 @@ def volume_sigma(
       was in sight (`hollow_sigma`).
     - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
     - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of
-      the rig's covariance (`calibration_moves`) and those of the source; they do not average out.
+      the rig's covariance and those of the source (`common_moves`); they do not average out.
     """
     known = source or Source()
     shares = _shares(mesh, faces)
-    common = moved(shares, chain(calibration_moves(mesh, known), known.moves))
+    common = moved(shares, common_moves(mesh, known) if moves is None else moves)
     between = profile_sigma(known.profiles, mesh)
     if between and faces is not None:
         between *= mesh.area_of(faces) / mesh.area_of()
@@ -144,10 +157,11 @@ def volume_in_words(figures: Mapping[str, float | None]) -> str:
 def _shares(mesh: Mesh, faces: Bools | None = None) -> Floats:
     """(v, 3) mm²: ∂V/∂vertex, a third of the vector area of the faces about each; of ``faces`` (f,)
     alone where they are given."""
-    twice = _twice(mesh) if faces is None else np.where(faces[:, None], _twice(mesh), 0.0)
-    sixth = np.repeat(twice[:, None] / 6, 3, axis=1).reshape(-1, 3)
+    area = vector_areas(mesh.triangles)
+    own = area if faces is None else np.where(faces[:, None], area, 0.0)
+    third = np.repeat(own[:, None] / 3, 3, axis=1).reshape(-1, 3)
     count = len(mesh.vertices)
-    total = [np.bincount(mesh.faces.ravel(), sixth[:, k], minlength=count) for k in range(3)]
+    total = [np.bincount(mesh.faces.ravel(), third[:, k], minlength=count) for k in range(3)]
     return np.stack(total, axis=-1)
 
 
@@ -202,7 +216,7 @@ def _sides(mesh: Mesh, chosen: Bools | None) -> tuple[Floats, Floats, Floats, Bo
     t = mesh.triangles
     side = t[f, (corner + 1) % 3] - t[f, corner]
     length = np.linalg.norm(side, axis=1)
-    twice = _twice(mesh)
+    twice = 2 * vector_areas(t)
     size = np.linalg.norm(twice, axis=1)
     good = (size[f] > 0) & (size[there] > 0)
     f, there, side, length = f[good], there[good], side[good], length[good]
@@ -214,10 +228,3 @@ def _sides(mesh: Mesh, chosen: Bools | None) -> tuple[Floats, Floats, Floats, Bo
     if chosen is not None:
         real &= chosen[f] & chosen[there]
     return length, angle, (size[f] + size[there]) / (2 * length), real
-
-
-def _twice(mesh: Mesh) -> Floats:
-    """(f, 3) normals of the faces, as long as twice their area."""
-    t = mesh.triangles
-    twice: Floats = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    return twice

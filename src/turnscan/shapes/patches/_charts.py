@@ -21,7 +21,7 @@ from turnscan.shapes.patches._swept_surfaces import (
 )
 from turnscan.shapes.primitives import ShapeSet
 from turnscan.shapes.primitives import _region_kernels as region
-from turnscan.shapes.primitives._regions import LIMIT
+from turnscan.shapes.primitives._ground import LIMIT
 from turnscan.shapes.swept import Swept
 
 _FEW = 40

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.mesh import Mesh, measured_vertices, opposite_half_edges
+from turnscan.mesh import Mesh, measured_vertices, opposite_half_edges, vector_areas
 from turnscan.shapes.primitives._shapes import Shape
 
 _SMALLEST = 1e-3
@@ -25,8 +25,7 @@ def filled_planes(mesh: Mesh, tolerance: float) -> list[tuple[Shape, Floats]]:
     added = ~np.asarray(known[mesh.faces].all(axis=1), dtype=np.bool_)
     if mesh.measured is not None:
         added |= ~mesh.measured
-    t = mesh.triangles
-    area = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 2
+    area = vector_areas(mesh.triangles)
     size = np.linalg.norm(area, axis=1)
     least = _SMALLEST * float(size.sum())
     out = []
@@ -36,7 +35,7 @@ def filled_planes(mesh: Mesh, tolerance: float) -> list[tuple[Shape, Floats]]:
     for mine in np.split(order, ends) if len(order) else []:
         total = area[mine].sum(axis=0)
         if np.linalg.norm(total) > max(0.9 * float(size[mine].sum()), least):
-            middle = (t[mine].mean(axis=1) * size[mine, None]).sum(axis=0) / size[mine].sum()
+            middle = np.average(mesh.triangles[mine].mean(axis=1), axis=0, weights=size[mine])
             out.append(_plane(mesh.vertices[np.unique(mesh.faces[mine])], middle, total, tolerance))
     return [one for one in out if one is not None]
 

@@ -11,23 +11,10 @@ from turnscan.errors import InputError
 from turnscan.mesh import Mesh, measured_vertices, submesh
 from turnscan.shapes.primitives import _region_kernels as region
 from turnscan.shapes.primitives import _surface_kernels as surface
-from turnscan.shapes.primitives._regions import (
-    LEAST,
-    WAVY,
-    Ground,
-    Index,
-    Region,
-    bent,
-    cells,
-    close,
-    grow_regions,
-    merged,
-    poor,
-    prepared,
-    refit,
-    waves,
-    wide,
-)
+from turnscan.shapes.primitives._ground import Ground, Index, prepared
+from turnscan.shapes.primitives._judged import LEAST, WAVY, bent, cells, close, poor, waves, wide
+from turnscan.shapes.primitives._region import Region, refit
+from turnscan.shapes.primitives._regions import grow_regions, merged
 from turnscan.shapes.primitives._relations import adopt
 from turnscan.shapes.primitives._shapes import KINDS, Shape, ShapeSet
 from turnscan.shapes.primitives._surface_kernels import CYLINDER, FREE, PLANE, SPHERE
@@ -61,7 +48,7 @@ def find_shapes(
     """Planes, spheres, cylinders, cones and tori that the measured part of a mesh lies on.
 
     Regions grow from the flattest places; a region of freeform surface is told from a shape by the
-    pattern of its misfit (`_regions`). Regions of one surface are joined, vertices between two
+    pattern of its misfit (`_judged`). Regions of one surface are joined, vertices between two
     shapes go to the nearer one, and each shape is fitted to its vertices (orthogonal distances,
     truncated at four standard deviations) without two rings at its edges. Vertices that nobody
     measured do not count and belong to no shape.

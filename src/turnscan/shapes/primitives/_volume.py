@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
+from turnscan.mesh import vector_areas
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._shapes import KINDS, ShapeSet
 
@@ -18,7 +19,7 @@ def volume_slopes(found: ShapeSet, triangles: Floats, shape: Ints) -> Floats:
     along them, which is of second order.
     """
     t = triangles
-    middle, area = t.mean(axis=1), np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 2
+    middle, area = t.mean(axis=1), vector_areas(t)
     slopes = np.zeros((len(found.shapes), 7))
     for k, s in enumerate(found.shapes):
         own, kind = shape == k, KINDS.index(s.kind)

@@ -17,7 +17,7 @@ from turnscan.arrays import Bools, Floats, Longs, frozen
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, measured_vertices, submesh, vertex_normals
 from turnscan.shapes.primitives._find import sigma_of
-from turnscan.shapes.primitives._regions import prepared
+from turnscan.shapes.primitives._ground import prepared
 from turnscan.shapes.primitives._surface_kernels import frame
 from turnscan.shapes.verification._statistics import clumping
 

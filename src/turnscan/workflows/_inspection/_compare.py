@@ -13,7 +13,7 @@ import numpy as np
 from turnscan.arrays import Ints
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.mesh import Mesh, sample_surface, submesh
+from turnscan.mesh import Mesh, sample_surface, submesh, vector_areas
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
@@ -338,8 +338,7 @@ def areas_of(found: Comparison, gap: float) -> Areas:
 
 def _area_off(mesh: Mesh, off: Deviation, gap: float) -> float:
     """mm² of a fine mesh whose vertices are off another surface; a third of a face for each."""
-    t = mesh.triangles
-    area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+    area = np.linalg.norm(vector_areas(mesh.triangles), axis=1)
     out = off.beyond | (np.abs(off.distance) > gap)
     return float((area * out[mesh.faces].mean(axis=1)).sum())
 

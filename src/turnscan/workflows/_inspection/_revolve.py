@@ -235,10 +235,10 @@ def revolve(
     'profile of the wall'
     """
     wanted = chosen(RevolveOptions, options, changes)
-    loaded, moves = measured_surface(source, "a turned part is measured on a mesh", progress)
+    loaded = measured_surface(source, "a turned part is measured on a mesh", progress)
     check_tolerance(wanted.tolerance, loaded.mesh)
     try:
-        turned = turned_about(loaded.mesh, moves)
+        turned = turned_about(loaded.mesh, loaded.moves)
         cut, chains = wall_profile(turned)
     except InputError as e:
         raise InputError(f"{loaded.name}: {e.message}", hint=e.hint) from None

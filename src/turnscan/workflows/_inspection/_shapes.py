@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -11,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from turnscan.arrays import Floats
 from turnscan.drawings import with_sigma
 from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
-from turnscan.shapes import Source as MadeFrom
 from turnscan.shapes.primitives import (
     Edge,
     FormError,
@@ -44,6 +41,7 @@ from turnscan.workflows._options._units import is_iges, is_step
 from turnscan.workflows._pages import _document as doc
 from turnscan.workflows._pages._colours import DISTINCT, GREY
 from turnscan.workflows._solids._deviation_map import VIEWS, distance_figure
+from turnscan.workflows._solids._loaded import Loaded
 from turnscan.workflows._solids._shapes_step import StepFile, iges_of, step_of
 from turnscan.workflows._solids._shapes_table import (
     Dimension,
@@ -64,23 +62,29 @@ if TYPE_CHECKING:
 class FoundShapes:
     """The shapes of a part, what was found about them, and where they lie on its mesh."""
 
-    name: str
-    """How messages call the part."""
-    mesh: Mesh
-    """The surface they were found on."""
+    surface: Loaded
+    """What they were found on."""
     found: ShapeSet
     sizes: tuple[ShapeSize, ...]
-    findings: tuple[Finding, ...] = ()
-    about: Mapping[str, object] = field(default_factory=dict)
-    """Where the part comes from; stands in a STEP file."""
     edges: tuple[Edge, ...] = ()
     """Where neighbouring shapes meet."""
-    moves: Sequence[Floats] = ()
-    """(v, 3) mm each: how the mesh moves with one standard deviation of each common cause."""
     with_edges: bool = False
     """Whether the mesh that is saved has the true edges."""
-    made_from: MadeFrom | None = None
-    """Grids, rig and common causes of the mesh, where they are known."""
+
+    @property
+    def name(self) -> str:
+        """How messages call the part."""
+        return self.surface.name
+
+    @property
+    def mesh(self) -> Mesh:
+        """The surface they were found on."""
+        return self.surface.mesh
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What there is to know about the surface."""
+        return self.surface.findings
 
     # A solid needs none of the following, and each costs about as much as finding the shapes.
     @cached_property
@@ -93,12 +97,12 @@ class FoundShapes:
     @cached_property
     def walls(self) -> Walls | None:
         """How thick the material is, where both of its sides were measured."""
-        return wall_thickness(self.mesh, self.moves)
+        return wall_thickness(self.mesh, self.surface.moves)
 
     @cached_property
     def swept(self) -> tuple[Swept, ...]:
         """Freeform pieces with one profile all along: surfaces of revolution, and extrusions."""
-        return find_swept(self.mesh, self.found, self.moves)
+        return find_swept(self.mesh, self.found, self.surface.moves)
 
     def figures(self) -> dict[str, Any]:
         """Shapes, relations and sizes, unrounded, by name with the unit at its end."""
@@ -151,16 +155,9 @@ class FoundShapes:
         return self._step(no_progress)
 
     def _step(self, progress: Progress) -> StepFile:
-        about = {"source": Path(self.name).name, **self.about}
-        return step_of(
-            self.mesh,
-            self.found,
-            lambda: self.swept,
-            self.name,
-            about,
-            progress,
-            made_from=self.made_from,
-        )
+        about = {"source": Path(self.name).name, **self.surface.about}
+        surface = replace(self.surface, about=about)
+        return step_of(surface, self.found, lambda: self.swept, progress)
 
     def save(self, *paths: str | Path, progress: Progress = no_progress) -> list[Finding]:
         """Write the coloured mesh (.ply or .glb) or a solid (.step, .stp, .igs or .iges).
@@ -250,28 +247,17 @@ def find_shapes(
     True
     """
     wanted = chosen(ShapesOptions, options, changes)
-    loaded, moves = measured_surface(source, "shapes are found on a mesh", progress)
+    loaded = measured_surface(source, "shapes are found on a mesh", progress)
     check_tolerance(wanted.tolerance, loaded.mesh)
     found = find_in_mesh(
         loaded.mesh,
         tolerance=wanted.tolerance,
         smallest=wanted.smallest,
         relations=not wanted.as_measured,
-        moves=moves,
+        moves=loaded.moves,
     )
     sizes = tuple(sizes_between(loaded.mesh, found))
-    return FoundShapes(
-        loaded.name,
-        loaded.mesh,
-        found,
-        sizes,
-        loaded.findings,
-        loaded.about,
-        find_edges(loaded.mesh, found),
-        moves,
-        wanted.edges,
-        loaded.made_from,
-    )
+    return FoundShapes(loaded, found, sizes, find_edges(loaded.mesh, found), wanted.edges)
 
 
 def _figures(s: Shape) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh, is_closed, measured_vertices, submesh
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
-from turnscan.shapes import Source, volume_sigma
+from turnscan.shapes import volume_sigma
 from turnscan.shapes.patches import Charts, ExtrudedPatch, ShapePatch, SplinePatch, TurnedPatch
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_and_distances
 from turnscan.shapes.swept import Swept
@@ -35,6 +35,7 @@ from turnscan.workflows._solids._face_deviations import (
     face_deviations,
     nearest_faces,
 )
+from turnscan.workflows._solids._loaded import Loaded
 from turnscan.workflows._solids._shapes_shell import shell_under
 from turnscan.workflows._solids._shapes_table import finite
 from turnscan.workflows._solids._solid_volume import SolidVolume, solid_volume
@@ -104,32 +105,34 @@ def iges_of(solid: Solid, name: str) -> bytes:
 
 
 def step_of(
-    mesh: Mesh, found: ShapeSet, swept: Callable[[], Sequence[Swept]], name: str,
-    about: Mapping[str, object], progress: Progress = no_progress,
-    made_from: Source | None = None,
-) -> StepFile:  # fmt: skip
+    surface: Loaded,
+    found: ShapeSet,
+    swept: Callable[[], Sequence[Swept]],
+    progress: Progress = no_progress,
+) -> StepFile:
     """A part as STEP AP242, each face in the colour of its deviation.
 
     It is the solid that the shapes close to. Where they do not, it is made of their parts that were
     measured and of B-splines fitted to the rest, a shell if the mesh is open; triangles stand where
     no surface is within the tolerance. ``swept`` finds the swept pieces of the rest, where they are
-    needed; ``made_from`` is what the uncertainty of the volume hangs on, as far as it is known.
+    needed. The part has the name of the surface.
 
     Raises InputError where OpenCASCADE is not installed, ExportError where the file does not read
     back the same; Cancelled where it is no longer wanted.
     """
     check_opencascade()
     progress(0.0, "closing the shapes to a solid")
-    title = Path(name).stem or "part"
+    mesh = surface.mesh
+    title, about = _title(surface), surface.about
     made, why = _analytic(mesh, found)
     if made is None:
         rest = progress.subrange(0.2, 1.0)
-        return _of_patches(mesh, found, swept(), title, about, why, rest, made_from)
+        return _of_patches(surface, found, swept(), why, rest)
     sigma = _sigma(mesh, measured_vertices(mesh))
     off = face_deviations(made.distance, made.face, made.facets, made.solid.faces, sigma=sigma)
     file = _written(off, found, made.solid, title, about)
     closing = f", {made.added} of them planes of fillings, not measured" if made.added else ""
-    volume = solid_volume(made.solid.volume, mesh, found, made.facets, made_from)
+    volume = solid_volume(made.solid.volume, surface, found, made.facets)
     return _told(mesh, found, file, closing, {"faces_not_measured": made.added}, volume)
 
 
@@ -175,9 +178,9 @@ def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
 
 
 def _of_patches(
-    mesh: Mesh, found: ShapeSet, swept: Sequence[Swept], title: str, about: Mapping[str, object],
-    why: str, progress: Progress, made_from: Source | None,
-) -> StepFile:  # fmt: skip
+    surface: Loaded, found: ShapeSet, swept: Sequence[Swept], why: str, progress: Progress
+) -> StepFile:
+    mesh, title, about = surface.mesh, _title(surface), surface.about
     shell, charts = shell_under(mesh, found, swept, progress.subrange(0.0, 0.7))
     progress(0.7, "writing the faces and reading them back")
     if not shell.charts:
@@ -211,7 +214,7 @@ def _of_patches(
         "faces_triangles": len(alone),
         "triangles": int(left.sum()),
     }
-    known = solid_volume(solid.volume, mesh, found, facets, made_from) if solid.closed else None
+    known = solid_volume(solid.volume, surface, found, facets) if solid.closed else None
     told = _told(mesh, found, made, pieces, more, known)
     if not left.any():
         return told
@@ -219,6 +222,10 @@ def _of_patches(
     remedy = Remedy("allow for more with ", Option("tolerance"))
     rest = Finding("shapes.triangles", "warning", text, remedy=remedy)
     return replace(told, findings=(*told.findings, rest))
+
+
+def _title(surface: Loaded) -> str:
+    return Path(surface.name).stem or "part"
 
 
 def _sigma(mesh: Mesh, vertices: Bools | Longs) -> Floats | None:

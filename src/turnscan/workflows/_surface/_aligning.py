@@ -12,7 +12,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.mesh import Mesh, sample_surface, smoothed_normals
+from turnscan.mesh import Mesh, sample_surface, smoothed_normals, vector_areas
 from turnscan.poses import Onto, View, onto, plain_view
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose, rotation_from_vector
@@ -93,8 +93,7 @@ def reference_view(mesh: Mesh, name: str) -> View:
 
 
 def _by_shape(mesh: Mesh, name: str, reference: Nominal) -> Placement:
-    t = mesh.triangles
-    area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+    area = 2 * np.linalg.norm(vector_areas(mesh.triangles), axis=1)
     spacing = float(np.median(np.sqrt(area[area > 0]))) if (area > 0).any() else 1.0
     sigma = _sigma(mesh)
     measured = plain_view(name, mesh.vertices, smoothed_normals(mesh), spacing, sigma)

@@ -79,14 +79,20 @@ def export(
     files = list(map(Path, paths))
     most = 0.3 if check_step(files) else 0.7
     loaded = load(source, progress=progress.subrange(0, most))
-    mesh, findings = loaded.mesh, list(loaded.findings)
+    findings = list(loaded.findings)
+    mesh = loaded.mesh
     if decimate is not None:
         fewer, dense = decimation(decimate), mesh
         told = progress.subrange(most, most + 0.3, "decimating")
         mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, progress=told)
         findings += thinning.decimation_findings(dense, mesh, fewer.faces)
-    mesh = settled(mesh)
+    loaded = loaded.with_mesh(settled(mesh))
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
     told = progress.subrange(most + 0.3, 1)
-    remarks = save(dict.fromkeys(files, mesh), replace(chosen, about=about), progress=told)
-    return Exported(mesh, tuple(findings), tuple(remarks))
+    remarks = save(
+        dict.fromkeys(files, loaded.mesh),
+        replace(chosen, about=about),
+        progress=told,
+        made_from=loaded.source,
+    )
+    return Exported(loaded.mesh, tuple(findings), tuple(remarks))

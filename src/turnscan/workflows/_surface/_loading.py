@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
 from turnscan.errors import InputError
-from turnscan.findings import Finding
 from turnscan.formats import read_about
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import Scan
-from turnscan.shapes import Source as MadeFrom
 from turnscan.workflows._files._reading import (
     read_mesh_file,
     read_start,
@@ -22,28 +18,12 @@ from turnscan.workflows._files._reading import (
     step_findings,
 )
 from turnscan.workflows._options._units import STEP_SUFFIXES
+from turnscan.workflows._solids._loaded import Loaded
 from turnscan.workflows._surface._reconstruct import reconstruct
 from turnscan.workflows._surface._result import ReconstructResult
 
 Source: TypeAlias = Mesh | ReconstructResult | Scan | str | PathLike[str]
 """What a surface may come from."""
-
-
-@dataclass(frozen=True, eq=False)
-class Loaded:
-    """A surface and what is known about it."""
-
-    mesh: Mesh
-    name: str
-    """How messages call it."""
-    about: Mapping[str, object] = field(default_factory=dict)
-    """Where it comes from, with the volume as it was known there."""
-    reconstructed: bool = False
-    """Whether it was made from a scan, not read from a mesh file."""
-    findings: tuple[Finding, ...] = ()
-    """Of the reconstruction, where it was one."""
-    made_from: MadeFrom | None = None
-    """Grids, rig and common causes, where they are known."""
 
 
 def load(source: Source, unit: str = "mm", progress: Progress = no_progress) -> Loaded:
@@ -65,4 +45,5 @@ def load(source: Source, unit: str = "mm", progress: Progress = no_progress) -> 
     error = next((f for f in source.findings if f.severity == "error"), None)
     if error is not None:
         raise InputError(f"{name}: {error.message}", hint=error.remedy)
-    return Loaded(source.mesh, name, {**source.about, **source.volume()}, True, source.findings)
+    about = {**source.about, **source.volume()}
+    return Loaded(source.mesh, name, about, True, source.findings, source.made_from)

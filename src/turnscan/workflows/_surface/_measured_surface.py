@@ -1,45 +1,31 @@
-"""A surface that is to be measured, and how its calibration's doubt moves it."""
+"""A surface that is to be measured, with what there is to say of its unit."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.meshing import source_of
 from turnscan.progress import Progress
-from turnscan.shapes import calibration_moves
-from turnscan.workflows._surface._loading import Loaded, Source, load
-from turnscan.workflows._surface._reconstruct import reconstruct
-from turnscan.workflows._surface._result import ReconstructResult
+from turnscan.workflows._solids._loaded import Loaded
+from turnscan.workflows._surface._loading import Source, load
 
 _SMALLEST, _LARGEST = 8.0, 3000.0
 """mm: diagonals that a part on a turntable has."""
 
 
-def measured_surface(source: Source, why: str, progress: Progress) -> tuple[Loaded, list[Floats]]:
-    """The surface, and how its vertices (v, 3) mm move with one standard deviation of each cause.
+def measured_surface(source: Source, why: str, progress: Progress) -> Loaded:
+    """The surface: of a scan as its own settings make it. ``why`` it is needed is the hint of the
+    error.
 
-    A scan is reconstructed with its own settings; of a mesh no common cause is known. ``why`` a
-    surface is needed is the hint of the error.
-
-    Raises InputError where it has no face; else as `load` and `reconstruct`.
+    Raises InputError where it has no face; else as `load`.
     """
-    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
-        source = reconstruct(source, progress=progress)
     loaded = load(source, progress=progress)
     if not len(loaded.mesh.faces):
         raise InputError(f"{loaded.name}: no faces", hint=why)
-    if not isinstance(source, ReconstructResult):
-        return replace(loaded, findings=(*loaded.findings, *_unit(loaded))), []
-    done = source.reconstruction
-    known = done.source or source_of(done.grids, source.rig)
-    moves = [*calibration_moves(loaded.mesh, known), *known.moves]
-    return replace(loaded, made_from=known), moves
+    return replace(loaded, findings=(*loaded.findings, *_unit(loaded)))
 
 
 def _unit(loaded: Loaded) -> list[Finding]:

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.findings import Finding
-from turnscan.mesh import Mesh, opposite_half_edges
+from turnscan.mesh import Mesh, opposite_half_edges, vector_areas
 from turnscan.progress import Progress
 from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes.primitives import Kind, Shape
@@ -72,10 +72,9 @@ def with_features(found: Nominal) -> Nominal:
 
 
 def _features(mesh: Mesh) -> tuple[tuple[Shape, ...], Ints]:
-    t = mesh.triangles
-    twice = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    area = np.linalg.norm(twice, axis=1) / 2
-    normal = twice / np.maximum(2 * area, 1e-300)[:, None]
+    vectors = vector_areas(mesh.triangles)
+    area = np.linalg.norm(vectors, axis=1)
+    normal = vectors / np.maximum(area, 1e-300)[:, None]
     a, b, bend = _meetings(mesh, normal)
     flat = _grouped(a, b, bend < _FLAT, len(area))
     size = np.bincount(flat, area)
@@ -140,8 +139,7 @@ def _plane(mesh: Mesh, own: Bools, normal: Floats) -> Shape:
 
 def mesh_areas(mesh: Mesh, own: Bools) -> Floats:
     """(n,) mm² of the faces where ``own`` (f,) is True."""
-    t = mesh.triangles[own]
-    area: Floats = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+    area: Floats = np.linalg.norm(vector_areas(mesh.triangles[own]), axis=1)
     return area
 
 

@@ -21,7 +21,7 @@ from turnscan.plugins import Plugin
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.settings import Settings
-from turnscan.shapes import volume_figures, volume_in_words, volume_sigma
+from turnscan.shapes import Source, volume_figures, volume_in_words, volume_sigma
 from turnscan.stripes import named
 from turnscan.workflows._files._writing import write_atomically
 from turnscan.workflows._surface._surface_report import holes_line, surface_figures, surface_parts
@@ -114,8 +114,12 @@ def volume_of(done: Reconstruction, rig: Rig | None) -> dict[str, float | None]:
     """What `volume_figures` says of the part; nothing but None where it is open."""
     if not is_closed(done.mesh):
         return {"volume_mm3": None, "volume_sigma_mm3": None}
-    source = done.source or source_of(done.grids, rig)
-    return volume_figures(done.mesh.volume, volume_sigma(done.mesh, source))
+    return volume_figures(done.mesh.volume, volume_sigma(done.mesh, made_from(done, rig)))
+
+
+def made_from(done: Reconstruction, rig: Rig | None) -> Source:
+    """What the uncertainty of all that is measured on a surface hangs on."""
+    return done.source or source_of(done.grids, rig)
 
 
 def summary(done: Reconstruction, rig: Rig | None) -> list[str]:

@@ -22,6 +22,7 @@ from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, cloud, profiles
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
+from turnscan.shapes import Source
 from turnscan.surface.holes import Hole
 from turnscan.workflows._options._reconstruct import ReconstructOptions
 from turnscan.workflows._solids._sections import Sections, cuts_of, sections_of
@@ -29,6 +30,7 @@ from turnscan.workflows._surface._report import (
     ReportTable,
     figures,
     known,
+    made_from,
     summary,
     volume_of,
     write_report,
@@ -76,6 +78,11 @@ class ReconstructResult:
     def grids(self) -> tuple[RangeGrid, ...]:
         """The points as they were measured: one grid for each laser and turn."""
         return self.reconstruction.grids
+
+    @property
+    def made_from(self) -> Source:
+        """Grids, rig and common causes: what the uncertainty of what is measured on it hangs on."""
+        return made_from(self.reconstruction, self.rig)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -219,7 +226,8 @@ class ReconstructResult:
         if error is not None:
             raise ExportError(f"nothing was written: {error.message}", hint=error.remedy)
         formats, profiles = self.content(options or ExportOptions())
-        return save(dict.fromkeys(map(Path, paths), self.mesh), formats, profiles, progress)
+        files = dict.fromkeys(map(Path, paths), self.mesh)
+        return save(files, formats, profiles, progress, made_from=self.made_from)
 
     def content(self, options: ExportOptions) -> tuple[ExportOptions, Profiles | None]:
         """What goes into files besides the mesh: provenance, and profiles where they are asked for.

@@ -14,8 +14,10 @@ from turnscan.formats import ExportOptions as ExportOptions  # the doors name it
 from turnscan.formats import Profiles, audit, export, texture_files
 from turnscan.mesh import Mesh, PointCloud
 from turnscan.progress import Progress, no_progress
+from turnscan.shapes import Source
 from turnscan.workflows._files._writing import check_writable, write_atomically
 from turnscan.workflows._options._units import STEP_SUFFIXES, is_step
+from turnscan.workflows._solids._loaded import Loaded
 
 _NAME = re.compile(r"\S+")
 
@@ -25,6 +27,8 @@ def save(
     options: ExportOptions | None = None,
     profiles: Profiles | None = None,
     progress: Progress = no_progress,
+    *,
+    made_from: Source | None = None,
 ) -> list[Finding]:
     """Write results to files, each read back and compared first; none unless all are sound.
 
@@ -39,6 +43,9 @@ def save(
         Profiles for a DXF that has them beside the mesh.
     progress
         Told how far the files are; it may cancel.
+    made_from
+        What the meshes were made from, as far as it is known: the uncertainty of a solid's volume
+        hangs on it.
 
     Returns
     -------
@@ -70,7 +77,7 @@ def save(
         # A solid takes long to make: a .step and a .stp of one name hold the same.
         name = (id(what), path.stem if is_step(path) else str(path))
         if name not in made:
-            made[name] = _audited(what, path.suffix, chosen, profiles, str(path), told)
+            made[name] = _audited(what, path.suffix, chosen, profiles, str(path), told, made_from)
         data, found = made[name]
         for finding in found:
             where = ", ".join(filter(None, [path.name, finding.where]))
@@ -112,6 +119,7 @@ def _audited(
     profiles: Profiles | None = None,
     name: str = "the file",
     progress: Progress = no_progress,
+    made_from: Source | None = None,
 ) -> tuple[bytes, list[Finding]]:
     """A result as the bytes of a file, read back and compared, and what the comparison remarks.
 
@@ -119,7 +127,7 @@ def _audited(
     where it does not read back the same.
     """
     if suffix.lower() in STEP_SUFFIXES:
-        return _as_step(what, options, name, progress)
+        return _as_step(what, options, name, progress, made_from)
     data = export(what, suffix, options=options, profiles=profiles)
     found = audit(data, what, suffix, options=options, profiles=profiles)
     for finding in found:
@@ -129,7 +137,11 @@ def _audited(
 
 
 def _as_step(
-    what: Mesh | PointCloud | Profiles, options: ExportOptions, name: str, progress: Progress
+    what: Mesh | PointCloud | Profiles,
+    options: ExportOptions,
+    name: str,
+    progress: Progress,
+    made_from: Source | None,
 ) -> tuple[bytes, list[Finding]]:
     # Both take what only those wait for who want a solid.
     from turnscan.drawings import check_opencascade
@@ -141,7 +153,8 @@ def _as_step(
     if not isinstance(what, Mesh) or not len(what.faces):
         raise InputError(f"{name}: STEP holds a solid or a shell", hint="give a mesh with faces")
     progress(0.0, "looking for shapes")
-    found = find_shapes(what)
-    swept = partial(find_swept, what, found)
-    file = step_of(what, found, swept, name, options.about, progress.subrange(0.4, 1.0))
+    surface = Loaded(what, name, options.about, source=made_from)
+    found = find_shapes(what, moves=surface.moves)
+    swept = partial(find_swept, what, found, surface.moves)
+    file = step_of(surface, found, swept, progress.subrange(0.4, 1.0))
     return file.data, list(file.findings)
