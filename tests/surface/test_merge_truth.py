@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.surface.known_parts import PARTS, scanned
+from tests.surface.known_parts import PARTS, scan, scanned
 from turnscan.mesh import Mesh, Provenance, longest_sides
 from turnscan.shapes import deviation
 from turnscan.surface.clean import drop_islands
