@@ -61,6 +61,19 @@ def test_between_coarse_steps_a_stripe_is_doubted_by_its_width_and_its_light(
     assert told.doubt[[6, 8]] / DUE == pytest.approx(0.0, abs=0.05), "those beside are whole"
 
 
+def test_over_a_long_step_a_stripe_at_an_end_is_wider_than_a_chord_says_for_less():
+    """The last profile is wider than is due on the chord to the one before: two surfaces, or
+    another face than the chord's. The sheet reaches 1 mm."""
+    by_step = {}
+    for step in (0.9, 2.0, 4.0):
+        seen = notched(1.0, 1.0, deep=0.0, step=step)
+        seen.width[-1] *= 1.35
+        by_step[step] = float(np.median(wholeness(seen).doubt[-1] / DUE))
+    assert by_step[0.9] > 0.5
+    assert by_step[2.0] == pytest.approx(0.5 * by_step[0.9], rel=0.15)
+    assert by_step[4.0] == pytest.approx(0.25 * by_step[0.9], rel=0.15)
+
+
 @pytest.mark.parametrize(("width", "light", "deep"), [(1.6, 1.0, 2.0), (1.0, 2.0, 6.0)])
 def test_what_is_wider_or_brighter_than_a_whole_stripe_is_not_believed_for_its_light(
     width, light, deep

@@ -24,6 +24,9 @@ where the profiles beside do not agree, where none tells how the surface lies, a
 moves a point; and the part of the usual light, for its width, below which …"""
 _DARK = 0.7
 """Part of a line's best light with less of which it is asked whether the slope explains it."""
+_USUAL = 0.7
+"""Part of how far an edge under the sheet may move a centre by which it usually does, where nothing
+but chords of long steps says that there is one."""
 _BENDS = 0.5
 """rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
 bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
@@ -95,7 +98,7 @@ def by_own_light(
         fits = np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
     off = by_light(left, 1.0 - noise)
     blind = alone.blind[at] & ~(fits & _round(own.walk[:, at[0], at[1]], (facing, lean), left))
-    found = np.where(blind, np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
+    found = np.where(blind, _USUAL * np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
     of_slope = left / np.cos(np.arctan((1 - 1 / ratio) / lean))
     cut = (ratio < 1 - _SURE) & ~(fits & alone.agree[at])
     found = np.maximum(found, np.where(cut, lacking(of_slope), 0.0) * width)
