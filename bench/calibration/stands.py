@@ -28,6 +28,8 @@ NOISES = (0.05, 0.5)
 """px"""
 MOST = 3.0
 """Times the noise of a point: a rig that bends shapes by more should have been refused."""
+WELL = 5.0
+"""mm beside the axis, from where a ball says enough: none of these rigs should be refused."""
 
 
 @dataclass(frozen=True)
@@ -36,20 +38,25 @@ class _Stand:
     body: Body
     form: Balls | Round
     radius: float
+    well: bool = False
+    """Whether the rig should be found."""
 
 
 def figures(quick: bool) -> Iterator[Figure]:
     """One line for each place of a body: by one laser and by two, little noise and much."""
     seeds = range(20, 21 if quick else 24)
     stands = [_Stand(f"ball {e:g} mm beside the axis", sphere((0.8 * e, -0.6 * e, 22.0), BALL),
-                     Balls(), BALL) for e in BESIDE]  # fmt: skip
+                     Balls(), BALL, e >= WELL) for e in BESIDE]  # fmt: skip
     stands += [_Stand(f"cylinder leaning by {t:g}°", cylinder((9.0, 2.0), ROUND, t), Round(), ROUND)
                for t in LEANS]  # fmt: skip
-    worst = 0.0
+    worst, turned_away, well = 0.0, 0, 0
     for lasers in (1, 2):
         for stand in stands:
             found = [_bent(stand, lasers, px, seed) for px in NOISES for seed in seeds]
             some = np.array([f for f in found if f is not None])
+            if stand.well:
+                well += len(found)
+                turned_away += len(found) - len(some)
             told = f"{len(found) - len(some)} of {len(found)} refused"
             if len(some):
                 worst = max(worst, float(some[:, 0].max()))
@@ -58,6 +65,8 @@ def figures(quick: bool) -> Iterator[Figure]:
             yield Figure(f"{'one laser' if lasers == 1 else 'two lasers'}, {stand.words}", "", told)
     yield Figure("rigs that were not refused bend shapes, rms", f"≤ {MOST:g} × the noise",
                  f"{worst:.1f}", worst <= MOST)  # fmt: skip
+    yield Figure(f"rigs refused though the ball is {WELL:g} mm and more beside the axis", "none",
+                 f"{turned_away} of {well}", not turned_away)  # fmt: skip
 
 
 def _bent(stand: _Stand, lasers: int, px: float, seed: int) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""Which parameters of a lens a calibration keeps: those that its pictures ask for."""
+"""What of its pictures a calibration uses: lens parameters that they ask for, all of a stripe."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from bench._drawn import Drawn, bench_board
 from bench._held import LARGE, Held
 
+from turnscan.calibrate._procedure import _gathered
 from turnscan.rig import Rig
 from turnscan.simulate import SimulationSpec, bench
 
@@ -40,3 +41,19 @@ def test_a_tangential_distortion_that_is_there_is_kept() -> None:
 def test_one_that_is_there_by_chance_is_not() -> None:
     found = _calibrated(bench(SPEC).rig, MORE, STOPS, CHANCE)
     assert found.camera.distortion[2:4] == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_all_of_a_stripe_counts_and_every_mean_is_known_as_well() -> None:
+    dice, noise = np.random.default_rng(5), 0.6
+    stripes = [
+        np.column_stack([300.0 + 0.2 * v + noise * dice.standard_normal(len(v)), v])
+        for v in (np.arange(100.0, 100.0 + n) for n in (1000, 400, 60, 13, 1))
+    ]
+    means = _gathered(stripes)
+    assert [len(m) for m in means] == [40, 16, 2, 2, 1]
+    for m, px in zip(means[:3], stripes, strict=False):
+        off = m[:, 0] - (300.0 + 0.2 * m[:, 1])
+        assert np.sqrt(np.mean(off**2)) < 2 * noise / 5, "25 rows in each"
+        assert m.mean(axis=0) == pytest.approx(px.mean(axis=0)), "no row is left out"
+    assert not _gathered([])
+    assert len(_gathered([np.zeros((0, 2))])[0]) == 0

@@ -30,7 +30,9 @@ REJECT = 3.0  # times the usual residual of a view
 _STRAY, _STRAY_PX, _FEW_STRAYS = 6.0, 0.1, 0.15
 """Times the usual residual of a corner in its view, and px of that at least, from which it is a
 stray; and their share of the corners, at most."""
-_STRIPE_POINTS = 40  # neighbours along a stripe share their errors; more would only be slower
+_STRIPE_POINTS, _FEWEST_MEANS = 40, 2
+"""Of the longest stripe, each the mean of neighbours, which share some of their errors (speckle);
+and of each stripe at least."""
 _SCALE_TRUST = 0.02  # of the nominal marker side, where nothing measures it
 _LEAST_TILT = np.radians(8.0)
 _UNSURE_FOCUS = 0.05
@@ -292,9 +294,9 @@ def sheet_stage(
         sheet, agree = start_sheet(name, clouds)
         _refuse_mixed(name, [c for c, a in zip(clouds, agree, strict=True) if not a], len(clouds))
         sheets.append(sheet)
-        for i, px, good in zip(seen, pixels, agree, strict=True):
+        for i, px, good in zip(seen, _gathered(pixels), agree, strict=True):
             if good:
-                stripes[i] = (StripeView(name, _thinned(px), direction),)
+                stripes[i] = (StripeView(name, px, direction),)
             else:
                 reason = "the line found on it does not lie in the sheet of the others"
                 rejected.append(Rejected(f"laser {name}", with_stripe[i][1].view.name, reason))
@@ -331,10 +333,18 @@ def _on_plane_mm(camera: Camera, pixels: Floats, pose: Pose) -> Floats:
     return points
 
 
-def _thinned(pixels: Floats) -> Floats:
-    keep = np.linspace(0, len(pixels) - 1, min(len(pixels), _STRIPE_POINTS)).round().astype(int)
-    thinned: Floats = pixels[keep]
-    return thinned
+def _gathered(stripes: Sequence[Floats]) -> list[Floats]:
+    """Means (k, 2) px of neighbours along stripes (n, 2) of one laser.
+
+    As many are in each, in all of them, so that each mean is known as well; `_STRIPE_POINTS` are in
+    the longest. So little of a stripe is straight to far less than it is known.
+    """
+    many = max((len(px) for px in stripes), default=0) / _STRIPE_POINTS
+    out = []
+    for px in stripes:
+        count = min(max(round(len(px) / max(many, 1.0)), _FEWEST_MEANS), len(px))
+        out.append(np.array([g.mean(axis=0) for g in np.array_split(px, count)]) if count else px)
+    return out
 
 
 def table_stage(
@@ -367,10 +377,7 @@ def table_stage(
         first = adjust(own, alone, own.free(alone, camera=False, sheet=False)).state
         assert first.layout is not None
         layout, T, angles = first.layout, first.rig.T_camera_table, first.angles
-        riders = [
-            _with_stripes(r, p, State(first.rig, layout, (), angles), k, settings)
-            for k, (r, p) in enumerate(zip(riders, used, strict=True))
-        ]
+        riders = _with_stripes(riders, used, State(first.rig, layout, (), angles), settings)
         ratio = [
             float(np.median(state.rig.sheet(s.laser).intersect(camera.rays(s.pixels)) @ up))
             / float(T.translation @ up)
@@ -426,19 +433,24 @@ def _riders(
 
 
 def _with_stripes(
-    rider: RiderView, picture: TablePicture, state: State, k: int, settings: CalibrationSettings
-) -> RiderView:
-    assert isinstance(state.layout, MarkerLayout)
-    stripes = []
-    for laser, candidates in picture.candidates.items():
-        px = on_platter(
-            state.rig.camera,
-            candidates,
-            state.layout,
-            state.rig.T_camera_table,
-            float(state.angles[k]),
-        )
-        if len(px):
-            direction = measuring_direction(settings.orientation)
-            stripes.append(StripeView(laser, _thinned(px), direction))
-    return replace(rider, stripes=tuple(stripes))
+    riders: Sequence[RiderView],
+    pictures: Sequence[TablePicture],
+    state: State,
+    settings: CalibrationSettings,
+) -> list[RiderView]:
+    """The table views with the stripes on the platter."""
+    layout, T, camera = state.layout, state.rig.T_camera_table, state.rig.camera
+    assert isinstance(layout, MarkerLayout)
+    seen: dict[str, list[Floats]] = {}
+    for picture, angle in zip(pictures, state.angles, strict=True):
+        for laser, candidates in picture.candidates.items():
+            px = on_platter(camera, candidates, layout, T, float(angle))
+            seen.setdefault(laser, []).append(px)
+    means = {laser: iter(_gathered(some)) for laser, some in seen.items()}
+    direction = measuring_direction(settings.orientation)
+    out = []
+    for rider, picture in zip(riders, pictures, strict=True):
+        lit = ((laser, next(means[laser])) for laser in picture.candidates)
+        stripes = (StripeView(laser, px, direction) for laser, px in lit if len(px))
+        out.append(replace(rider, stripes=tuple(stripes)))
+    return out

@@ -13,7 +13,8 @@ from turnscan.rig import Camera, Pose, rotation_z
 
 FEWEST_POINTS = 12
 _SUPPORTS = 48
-_NEAR_PX = 1.5
+NEAR_PX = 1.5
+"""From a stripe's line, within which its points are."""
 _TIGHT = 4.0  # robust sigmas about the final line
 _LEAST_PX = 0.3
 _GAP = 0.25  # of the length: a stripe that pauses longer than this is two stripes
@@ -97,20 +98,20 @@ def _consensus(points: Floats) -> Bools:
     a, b = points[few[i]], points[few[j]]
     along = b - a
     length = np.linalg.norm(along, axis=1)
-    long = length > max(0.15 * float(length.max()), 5 * _NEAR_PX)
+    long = length > max(0.15 * float(length.max()), 5 * NEAR_PX)
     if not long.any():
         return np.zeros(len(points), dtype=bool)
     a, along = a[long], along[long] / length[long, None]
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
     off = np.abs(across @ points.T - (across * a).sum(axis=1)[:, None])
     keep: Bools
-    keep = off[(off < _NEAR_PX).sum(axis=1).argmax()] < _NEAR_PX
+    keep = off[(off < NEAR_PX).sum(axis=1).argmax()] < NEAR_PX
     for _ in range(4):
         centre = points[keep].mean(axis=0)
         axes = np.linalg.svd(points[keep] - centre, full_matrices=False)[2]
         away = np.abs((points - centre) @ axes[1])
         limit = max(_TIGHT * 1.4826 * float(np.median(away[keep])), _LEAST_PX)
-        keep = away < min(limit, 2 * _NEAR_PX)
+        keep = away < min(limit, 2 * NEAR_PX)
         if np.count_nonzero(keep) < FEWEST_POINTS:
             break
         keep &= _longest_run((points - centre) @ axes[0], keep)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._evidence import LaserPicture
+from turnscan.calibrate._select import NEAR_PX
 from turnscan.calibrate._state import StripeView
 from turnscan.rig import Pose, Rig
 
@@ -32,9 +33,9 @@ def sheet_thickness(
     for picture, stripe, pose in boards:
         if stripe.laser != laser or picture.widths is None:
             continue
-        known = {(u, v): w for (u, v), w in zip(picture.candidates, picture.widths, strict=True)}
-        width = np.array([known.get((u, v), np.nan) for u, v in stripe.pixels])
-        walk = _walk(rig, laser, stripe, pose)
+        on = _on_stripe(picture.candidates, stripe)
+        width = picture.widths[on]
+        walk = _walk(rig, laser, picture.candidates[on], stripe, pose)
         good = np.isfinite(width) & (width > 0) & (walk > 0)
         if good.sum() >= _FEWEST:
             steep, wide = 1.0 / walk[good] ** 2, width[good] ** 2
@@ -60,10 +61,21 @@ def sheet_thickness(
     return thickness if thickness <= rig.sheet(laser).thickest else None
 
 
-def _walk(rig: Rig, laser: str, stripe: StripeView, pose: Pose) -> Floats:
-    """(n,) mm for each px across: how fast rays lead away from the sheet on a board's plane."""
+def _on_stripe(candidates: Floats, stripe: StripeView) -> Bools:
+    """Which candidates (n, 2) px are the stripe's: those next to the line through its points."""
     across = 0 if stripe.direction[0] else 1
-    xy, normal = rig.camera.normalised(stripe.pixels), pose.rotation[:, 2]
+    line = stripe.pixels[np.argsort(stripe.pixels[:, 1 - across], kind="stable")]
+    at, along = candidates[:, across], candidates[:, 1 - across]
+    inside = (along >= line[0, 1 - across]) & (along <= line[-1, 1 - across])
+    off = at - np.interp(along, line[:, 1 - across], line[:, across])
+    return np.asarray(inside & (np.abs(off) < NEAR_PX))
+
+
+def _walk(rig: Rig, laser: str, pixels: Floats, stripe: StripeView, pose: Pose) -> Floats:
+    """(n,) mm for each px across: how fast rays through ``pixels`` (n, 2) of a stripe lead away
+    from the sheet on a board's plane."""
+    across = 0 if stripe.direction[0] else 1
+    xy, normal = rig.camera.normalised(pixels), pose.rotation[:, 2]
     rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
     points = rays * ((pose.translation @ normal) / (rays @ normal))[:, None]
     turn = np.zeros_like(rays)
