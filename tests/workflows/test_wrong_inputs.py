@@ -272,6 +272,42 @@ def test_blocks_of_jpeg_are_no_line(tmp_path: Path, quality: int) -> None:
     assert min(looked.weights) >= 0, "a difference of channels shows no line here"
 
 
+@pytest.mark.parametrize(
+    ("height", "tint", "quality"),
+    [
+        (0.0, (1.0, 0.95, 0.9), 30),
+        (0.0, (1.0, 0.95, 0.9), 60),
+        (0.0, (0.9, 1.0, 0.95), 75),
+        (0.0, (1.0, 0.85, 0.7), 90),
+        (35.0, (1.0, 0.95, 0.9), 90),
+        (35.0, (1.0, 0.95, 0.9), 60),
+    ],
+)
+def test_steps_of_colour_in_jpeg_are_no_line(
+    tmp_path: Path, height: float, tint: tuple[float, float, float], quality: int
+) -> None:
+    """A part that is nearly grey turns in a lit room; a weak red line is on it, or none."""
+    y, x = np.mgrid[0:160, 0:240]
+    folder = tmp_path / "p"
+    folder.mkdir()
+    for k in range(12):
+        a, dice = k * np.pi / 6, np.random.default_rng(k)
+        part = (np.abs(x - 120 - 8 * np.cos(a)) < 52 + 20 * np.cos(2 * a)) & (y > 16)
+        grey = np.where(part, 170 + 15 * np.sin(x / 12 + 4 * a), 110 + 8 * np.sin(y / 10))
+        picture = grey[..., None] * tint
+        at = 120 + 12 * np.cos(a) + 6 * np.sin(y / 40 + a)
+        picture[..., 0] += height * np.exp(-((x - at) ** 2) / 4) * part
+        picture = gaussian_filter(picture, (0.6, 0.6, 0)) + 0.5 * dice.standard_normal(
+            (160, 240, 3)
+        )
+        shown = np.clip(picture, 0, 255).astype(np.uint8)
+        Pillow.fromarray(shown).save(folder / f"p{k:02d}.jpg", quality=quality)
+    looked = preview_import(str(folder))
+    assert ("scan.no-line" in [f.code for f in looked.findings]) == (height == 0.0)
+    assert looked.weights is not None
+    assert (min(looked.weights) < 0) == (height > 0.0), "by a difference of channels"
+
+
 def test_why_a_green_line_is_not_measured_in_green_is_said(tmp_path: Path) -> None:
     def drawn(k: int, dice: Dice) -> Any:
         bright = line(900.0)(k, dice)[..., None] * [0.25, 1.0, 0.2]

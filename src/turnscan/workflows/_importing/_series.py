@@ -46,6 +46,11 @@ class Series:
     dark: tuple[Path, ...] = ()
     """None, one for all, or one a shot."""
 
+    @property
+    def lossy(self) -> bool:
+        """Whether colours are known in steps only, as in JPEG and videos."""
+        return is_video(self.lit[0]) or self.lit[0].suffix.lower() in (".jpg", ".jpeg")
+
     def pictures(self, shots: Sequence[Shot] | None = None) -> Iterator[tuple[Shot, Image]]:
         """The lit pictures of these shots (default all) in order, read one at a time."""
         wanted = self.shots if shots is None else tuple(shots)

@@ -44,6 +44,10 @@ three times the mirror's."""
 _EDGES = 0.3
 """Of the light of a difference, the part on a line: what moves with the edges of a coloured part
 has 0.13 to 0.28 of it there, a weak line in a lit room at least 0.33."""
+_COLOUR_STEP = 10.0 / 255.0
+"""Of full scale: pictures of a lossy format know colours in steps, which follow the edges of a
+part that is nearly grey. Where no line was, half of what a difference found had at most 2 to 8 of
+255 (quality 30 to 90); of a line of 35, at least 16."""
 _FULL, _CLIPPED = 0.97, 0.3
 """Of full scale: a channel above it is clipped. Of the line: so much clipped is worth a word."""
 
@@ -117,7 +121,9 @@ def find_signal(
         thin = on_it * rows
         if thin < _THIN:
             other, found = _by_difference(trials, lit, options.orientation)
-            if better := found > _BETTER * thin and _is_line(other, found, lit, options):
+            least = _COLOUR_STEP * np.iinfo(first.dtype).max if series.lossy else 0.0
+            is_line = found > _BETTER * thin and _is_line(other, found, lit, options)
+            if better := is_line and _height(other, lit, options.orientation) >= least:
                 background, origin, darks, weights = other
             # With much of the light on it the line is thin, and the part small in the picture.
             if (not better or found <= _THIN / 2) and on_it < _MOST:
@@ -174,6 +180,26 @@ def _is_line(trial: Trial, found: float, lit: list[Image], options: ImportOption
     if found <= _TWICE * chance + _SURE * math.sqrt(found / blocks):
         return False
     return _on_the_line(lit, darks, weights, options.orientation)[0] >= _EDGES
+
+
+def _height(trial: Trial, lit: list[Image], orientation: Orientation) -> float:
+    """Grey levels: the median of the light where the line is."""
+    from turnscan.stripes import StripeSettings, detect
+
+    _, _, darks, weights = trial
+    on_it = list[Any]()
+    for i in range(0, len(lit), max(1, len(lit) // _LESSONS)):
+        place = detect(
+            grey_of(lit[i], weights),
+            grey_of(darks[i], weights),
+            StripeSettings(orientation=orientation),
+        ).position
+        rows = np.flatnonzero(np.isfinite(place))
+        light = signal_of(lit[i], darks[i], weights)
+        lines = light if orientation == "vertical" else light.T
+        on_it.append(lines[rows, place[rows].round().astype(int).clip(0, lines.shape[1] - 1)])
+    light = np.concatenate(on_it)
+    return float(np.median(light)) if len(light) else 0.0
 
 
 def _clipped(lit: list[Image], darks: list[Image | None], weights: ColourWeights) -> str:
