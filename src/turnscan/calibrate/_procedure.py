@@ -26,6 +26,8 @@ from turnscan.rig import Camera, Pose, Rig
 _ALIEN_PX = 5.0
 """rms of a board's corners before a known camera, above which it was taken by another one."""
 
+_SAME_PX = 0.01
+"""By which corners of one picture, read twice, differ at most."""
 REJECT = 3.0  # times the usual residual of a view
 _STRAY, _STRAY_PX, _FEW_STRAYS = 6.0, 0.1, 0.15
 """Times the usual residual of a corner in its view, and px of that at least, from which it is a
@@ -157,19 +159,17 @@ def refuse_no_boards(asked: Sequence[BoardView], kept: Sequence[BoardView]) -> N
     )
 
 
+def same_picture(a: BoardView, b: BoardView) -> bool:
+    """Whether two views show exactly the same: a second look differs by its noise."""
+    alike = a.board == b.board and np.array_equal(a.ids, b.ids)
+    return alike and bool(np.abs(a.corners - b.corners).max(initial=0) < _SAME_PX)
+
+
 def distinct(views: list[BoardView], rejected: list[Rejected]) -> list[BoardView]:
     """Drop pictures that show exactly what another one shows: a copy is not a second look."""
     out: list[BoardView] = []
     for v in views:
-        twin = next(
-            (
-                o
-                for o in out
-                if len(o.corners) == len(v.corners)
-                and np.abs(o.corners - v.corners).max(initial=0) < 0.01
-            ),
-            None,
-        )
+        twin = next((o for o in out if same_picture(v, o)), None)
         if twin is None:
             out.append(v)
         else:

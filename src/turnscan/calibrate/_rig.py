@@ -22,6 +22,7 @@ from turnscan.calibrate._procedure import (
     distinct,
     known_camera_stage,
     refuse_no_boards,
+    same_picture,
     sheet_stage,
     table_stage,
     with_rest,
@@ -92,16 +93,18 @@ def calibrate_rig(
         state = with_rest(state, known)
     else:
         state, with_stripe = known_camera_stage(known.rig, with_stripe, rejected)
-    boards = (*kept, *(p.view for _, p in with_stripe))
-    if boards:
-        say(f"camera: {len(boards)} board views")
+    shown = (*kept, *(p.view for _, p in with_stripe))
+    if shown:
+        say(f"camera: {len(_merged(shown, ())[1])} board views")
     stripes: tuple[tuple[StripeView, ...], ...] = ()
     if lasers:
         state, stripes = sheet_stage(state, len(kept), with_stripe, settings, rejected, known)
         say(f"laser: {sum(len(s) for s in stripes)} stripes on boards")
     nothing: tuple[StripeView, ...] = ()
     names = tuple(s.name for s in state.rig.sheets)
-    network = RigNetwork(boards, (nothing,) * len(kept) + stripes, (), names)
+    where, boards, on_them = _merged(shown, (nothing,) * len(kept) + stripes)
+    state = replace(state, poses=tuple(state.poses[where.index(k)] for k in range(len(boards))))
+    network = RigNetwork(boards, on_them, (), names)
     used: list[TablePicture] = []
     turned = table() if callable(table) else table
     if turned:
@@ -109,14 +112,34 @@ def calibrate_rig(
         say(f"table: {len(used)} pictures")
     given = (*(("camera",) if camera else ()), *lasers, *(("table",) if turned else ()))
     done = _adjusted(state, network, used, settings, rejected, Stages(given, known))
-    poses = done.fit.state.poses[len(kept) :]
     seen = [
-        (picture, stripe, pose)
-        for (_, picture), some, pose in zip(with_stripe, stripes, poses, strict=False)
+        (picture, stripe, done.fit.state.poses[k])
+        for (_, picture), some, k in zip(with_stripe, stripes, where[len(kept) :], strict=False)
         for stripe in some
     ]
     rig = replace(_with_thickness(done.rig, seen), evidence=_evidence(done.stages))
     return replace(done, rig=rig)
+
+
+def _merged(
+    views: Sequence[BoardView], stripes: Sequence[tuple[StripeView, ...]]
+) -> tuple[list[int], tuple[BoardView, ...], tuple[tuple[StripeView, ...], ...]]:
+    """The views that are not one picture given twice, with the stripes on them, and which of these
+    each is.
+
+    Two lasers lit on one board share its picture without light, and what is given for the camera
+    may be given for a laser, too: its corners are seen once.
+    """
+    where, one, on_it = list[int](), list[BoardView](), list[tuple[StripeView, ...]]()
+    for k, view in enumerate(views):
+        some = stripes[k] if k < len(stripes) else ()
+        twin = next((j for j, other in enumerate(one) if same_picture(view, other)), len(one))
+        if twin == len(one):
+            one.append(view)
+            on_it.append(())
+        where.append(twin)
+        on_it[twin] += some
+    return where, tuple(one), tuple(on_it)
 
 
 def _evidence(stages: Stages) -> tuple[str, ...]:
