@@ -68,6 +68,36 @@ def test_a_band_no_wider_than_its_points_are_known_is_no_shape() -> None:
     assert [s.area > 1000 for s in planes] == [True, True]
 
 
+@pytest.mark.parametrize(("columns", "rows"), [(1000, 8), (200, 10), (20, 400)])
+def test_rows_far_apart_tell_their_noise_without_sigma(columns: int, rows: int) -> None:
+    """Also where points on a row are nearer to each other than the noise; in a part whose rows are
+    20 mm apart there is no shape within any tolerance."""
+    for sigma in (0.05, 0.2):
+        found = find_shapes(_lumps(columns, rows, sigma))
+        assert not found.shapes
+        assert 3 * sigma < found.tolerance < 6 * sigma
+
+
+def test_what_is_rough_as_a_form_is_no_noise_without_sigma() -> None:
+    found = find_shapes(_lumps(100, 8, 1.0))
+    assert not found.shapes
+    assert found.tolerance < 1.7, "of a part of 150 mm"
+
+
+def _lumps(columns: int, rows: int, sigma: float) -> Mesh:
+    """A lumpy closed body of about 80 mm whose points are off in all directions."""
+    turn = np.arange(columns) * 2 * np.pi / columns
+    u, v = np.meshgrid(turn, np.linspace(0.05, np.pi - 0.05, rows))
+    r = 40 + 8 * np.cos(3 * u) * np.sin(v) ** 3 + 4 * np.sin(5 * v)
+    r += 5 * np.sin(2 * u + 1) * np.sin(v) ** 2
+    X = np.stack([r * np.cos(u) * np.sin(v), r * np.sin(u) * np.sin(v), r * np.cos(v)], axis=-1)
+    X = X.reshape(-1, 3) + np.random.default_rng(1).normal(0, sigma, (rows * columns, 3))
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(columns), np.arange(rows - 1)))
+    a, b = j * columns + i, j * columns + (i + 1) % columns
+    c, d = a + columns, b + columns
+    return Mesh(X, np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)]))
+
+
 def _head(steps: int) -> Mesh:
     """A lumpy wall of so many profiles, open above and below."""
     turn, z = np.meshgrid(np.arange(steps) * 2 * np.pi / steps, np.arange(0, 80, 0.4))

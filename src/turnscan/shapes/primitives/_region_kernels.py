@@ -114,6 +114,21 @@ def smoothed(normals: Floats, start: Longs, near: Ints, rounds: int) -> Floats:
 
 
 @njit(cache=True, nogil=True)
+def calmed(vertices: Floats, start: Longs, near: Ints, rounds: int) -> Floats:
+    """Vertices (v, 3) at the mean of themselves and their neighbours, so many times."""
+    now = vertices.copy()
+    for _ in range(rounds):
+        then = now.copy()
+        for i in range(len(now)):
+            for e in range(start[i], start[i + 1]):
+                for a in range(3):
+                    now[i, a] += then[near[e], a]
+            for a in range(3):
+                now[i, a] /= 1 + start[i + 1] - start[i]
+    return now
+
+
+@njit(cache=True, nogil=True)
 def scatter(vertices: Floats, normals: Floats, start: Longs, near: Ints) -> tuple[Floats, Floats]:
     """How each vertex stands off the mean of its neighbours along the normal.
 
@@ -172,13 +187,15 @@ def _off_cubic(s: Floats, w: Floats) -> float:
 
 @njit(cache=True, nogil=True)
 def off_lines(
-    seeds: Longs, many: int, vertices: Floats, normals: Floats, start: Longs, near: Ints
-) -> Floats:
+    seeds: Longs, many: int, vertices: Floats, calm: Floats, normals: Floats, start: Longs,
+    near: Ints,
+) -> Floats:  # fmt: skip
     """(n,) mm: how far lines of ``many`` vertices stand off smooth ones, root mean square.
 
     Each goes straight on from neighbour to neighbour, both ways from a seed and the nearest of its
     neighbours: along the stripes of a scan, where these lie further apart than the points on them.
-    NaN where no such line goes on.
+    What is straight is asked of the ``calm`` vertices (v, 3), for noise may be as much as the
+    points are apart. NaN where no such line goes on.
     """
     out = np.full(len(seeds), np.nan)
     half = many // 2
@@ -187,17 +204,17 @@ def off_lines(
     for i in range(len(seeds)):
         seed, next_, least = seeds[i], -1, np.inf
         for e in range(start[seed], start[seed + 1]):
-            gap = vertices[near[e]] - vertices[seed]
+            gap = calm[near[e]] - calm[seed]
             if gap @ gap < least:
                 least, next_ = gap @ gap, near[e]
         line[half - 1], line[half] = seed, next_
         k = 0 if next_ >= 0 else -1
         for j in range(1, half):
             if k >= 0:
-                k = _onward(vertices, start, near, line[half - 2 + j], line[half - 1 + j])
+                k = _onward(calm, start, near, line[half - 2 + j], line[half - 1 + j])
                 line[half + j] = k
             if k >= 0:
-                k = _onward(vertices, start, near, line[half + 1 - j], line[half - j])
+                k = _onward(calm, start, near, line[half + 1 - j], line[half - j])
                 line[half - 1 - j] = k
         if k < 0:
             continue
@@ -207,7 +224,7 @@ def off_lines(
         n /= max(float(np.sqrt(n @ n)), 1e-300)
         s[0] = 0.0
         for j in range(2 * half):
-            gap = vertices[line[j]] - vertices[line[max(j - 1, 0)]]
+            gap = calm[line[j]] - calm[line[max(j - 1, 0)]]
             s[j] = s[max(j - 1, 0)] + np.sqrt(gap @ gap)
             w[j] = (vertices[line[j]] - vertices[line[0]]) @ n
         out[i] = _off_cubic(s, w)
