@@ -64,7 +64,7 @@ def test_r12_is_written_on_demand(part: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("args", "text"),
     [
-        (["--plane", "z=99"], "misses the part: the part reaches from z = 0.000 to 20.000 mm"),
+        (["--plane", "z=99"], "hexagon.ply: section z = 99 mm misses the part: the part reaches"),
         (["--plane", "z=3", "--tolerance", "0"], "--tolerance"),
         (["--plane", "z=3", "--tolerance", "-1"], "--tolerance"),
         (["--plane", "z=3", "--tolerance", "nan"], "finite"),

@@ -119,6 +119,7 @@ def test_bad_input_is_one_line(
         ((loose,), "no faces"),
         ((junk,), "junk.stl"),
         ((tmp_path / "none.ply",), "none.ply"),
+        ((tmp_path / "x.igs",), "x.igs: IGES is written, not read → export a .step"),
         ((part, "-o", tmp_path / "x.stl"), ".ply or .glb or .step or .stp"),
         ((part, "--report", tmp_path / "x.txt"), ".html or .pdf or .json or .csv"),
         ((part, "-o", part), "is an input"),

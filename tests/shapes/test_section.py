@@ -9,7 +9,7 @@ import pytest
 
 from tests.shapes.outlines import along, regular, wall
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, join
 from turnscan.shapes import cross_section, fit_section, half_plane_cut, plane_cut
 
 BOX = Mesh(
@@ -96,3 +96,11 @@ def test_bad_input_says_where_the_part_is() -> None:
     for normal in ([0, 0, 0], [0, np.nan, 1], [1, 2]):
         with pytest.raises(InputError, match="normal"):
             plane_cut(normal, 1.0)
+
+
+def test_a_plane_in_a_gap_is_told_from_one_beside_the_part() -> None:
+    apart = join([BOX, replace(BOX, vertices=BOX.vertices + [0.0, 0.0, 15.0])])
+    with pytest.raises(InputError, match="lies in a gap of the surface"):
+        cross_section(apart, plane_cut([0, 0, 1.0], 12.0, "z = 12 mm"))
+    with pytest.raises(InputError, match=r"reaches from z = 0.000 to 25.000 mm"):
+        cross_section(apart, plane_cut([0, 0, 1.0], 30.0, "z = 30 mm"))

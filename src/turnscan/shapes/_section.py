@@ -232,6 +232,8 @@ def _where(mesh: Mesh, cut: Cut) -> str:
     if cut.half and height.min() < cut.distance < height.max():
         return f"it reaches {float((used @ cut.right).max()):.3f} mm from the axis on that side"
     low, high = float(height.min()), float(height.max())
+    if low < cut.distance < high:
+        return "it lies in a gap of the surface, where nothing was measured"
     if float(np.abs(cut.normal).max()) > 1.0 - 1e-12:
         axis = int(np.argmax(np.abs(cut.normal)))
         low, high = sorted((float(used[:, axis].min()), float(used[:, axis].max())))

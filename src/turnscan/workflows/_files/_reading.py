@@ -11,7 +11,7 @@ from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.rig import Rig, rig_from_json, rig_from_ruler
-from turnscan.workflows._options._units import STEP_SUFFIXES, UNITS
+from turnscan.workflows._options._units import IGES_SUFFIXES, STEP_SUFFIXES, UNITS
 
 _MAX_RIG_BYTES = 16 * 2**20
 _START = 1 << 16
@@ -70,6 +70,8 @@ def read_mesh_file(path: str | PathLike[str], unit: str = "mm") -> Mesh:
     path = Path(path)
     if path.suffix.lower() in STEP_SUFFIXES:
         return read_step_file(path).mesh
+    if path.suffix.lower() in IGES_SUFFIXES:
+        raise InputError(f"{path}: IGES is written, not read", hint="export a .step")
     data = read_bytes(path, _MAX_MESH_BYTES)
     try:
         mesh = read_mesh(data, path.suffix)

@@ -206,7 +206,11 @@ def sections_of(
     positive, or more than a tenth of the part.
     """
     check_tolerance(tolerance, mesh)
-    return Sections(tuple(fit_section(mesh, cut, tolerance) for cut in cuts), title, about)
+    try:
+        fitted = tuple(fit_section(mesh, cut, tolerance) for cut in cuts)
+    except InputError as e:
+        raise InputError(f"{title}: {e.message}", hint=e.hint) from None
+    return Sections(fitted, title, about)
 
 
 def section_file(
