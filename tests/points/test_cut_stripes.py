@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape
-from turnscan.points import _wholeness_kernels as kernels
+from turnscan.points import _end_kernels as kernels
 from turnscan.points import build_grid
 from turnscan.stripes import StripeFlag
 

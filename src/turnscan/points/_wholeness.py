@@ -353,7 +353,7 @@ def _ended(
     turned otherwise to the light. ``sizes`` mm: how far points of a profile usually are from each
     other, and how thick the sheet.
     """
-    from turnscan.points import _wholeness_kernels as kernels
+    from turnscan.points import _end_kernels as kernels
 
     if not min(sizes) > 0:
         return np.zeros_like(steadied)

@@ -6,7 +6,7 @@ from math import erf
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Floats
 from turnscan.compiled import njit
 
 Vector = tuple[float, float, float]
@@ -17,17 +17,10 @@ usual way (s, n) mm of each point to the next step."""
 
 _BESIDE = 2
 """Lines on either side that a width is the median of: speckle widens single lines by a tenth."""
-_LINKED = 2.2
+LINKED = 2.2
 """Usual arcs of a step that two points of one line may lie apart on one surface."""
 _FAR = 6
 """Steps to either side that are looked at, at most, for a point that noise does not tilt."""
-_CUT_OFF, _MOST_IN = 2.0, 6
-"""Thicknesses of the sheet beside an end of what is seen within which something may cut a stripe,
-and points that are looked at for an end, at most."""
-_ALONG = 4.0
-"""Usual ways that two points of a profile may lie apart on one surface."""
-_TAIL = 3.0
-"""Thicknesses of the sheet beyond its middle as far as a tail of its light is seen."""
 _MEET, _MEET_AT = 30, 3.0
 """Places to either side of the sheet's middle at which two surfaces may meet, and thicknesses of
 the sheet from there to the last."""
@@ -156,7 +149,7 @@ def _linked(points: Floats, arc: Floats, k: int, j: int, sign: int, closed: bool
         return -1
     step = way(points, k, j, m, j)
     # NaN, where one is missing, is no neighbour either.
-    return m if np.sqrt(dot(step, step)) <= _LINKED * arc[k, j] else -1
+    return m if np.sqrt(dot(step, step)) <= LINKED * arc[k, j] else -1
 
 
 @njit(cache=True, nogil=True)
@@ -181,12 +174,14 @@ def beside(
 
 
 @njit(cache=True, nogil=True)
-def _at(vectors: Floats, k: int, j: int) -> Vector:
+def vector(vectors: Floats, k: int, j: int) -> Vector:
+    """The one at step k and line j of (s, n, 3)."""
     return vectors[k, j, 0], vectors[k, j, 1], vectors[k, j, 2]
 
 
 @njit(cache=True, nogil=True)
-def _ray(points: Floats, eyes: Floats, k: int, j: int) -> Vector:
+def ray_of(points: Floats, eyes: Floats, k: int, j: int) -> Vector:
+    """From the camera to the point at step k and line j, mm."""
     return points[k, j, 0] - eyes[k, 0], points[k, j, 1] - eyes[k, 1], points[k, j, 2] - eyes[k, 2]
 
 
@@ -220,7 +215,7 @@ def across(
         for j in range(n):
             if np.isnan(points[k, j, 0]):
                 continue
-            ray, move = _ray(points, eyes, k, j), _at(moves, k, j)
+            ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
             for hand in range(2):
                 m, far = beside(points, k, j, 1 - 2 * hand, arc, least, closed)
                 if m < 0:
@@ -229,7 +224,7 @@ def across(
                 if not there:
                     continue
                 away = _off(move, ray, dot(normal, move) / dot(normal, ray))
-                walk[hand, k, j] = abs(dot(_at(sheets, k, j), away)) if far else np.inf
+                walk[hand, k, j] = abs(dot(vector(sheets, k, j), away)) if far else np.inf
                 # Both as the camera sees them, square to the ray.
                 gap = way(points, k, j, m, j)
                 flat = _off(gap, ray, dot(gap, ray) / dot(ray, ray))
@@ -288,9 +283,9 @@ def further_in(
                 there, _, normal = _plane_beside(places, (k, j), 1 - 2 * hand, least, closed, far)
                 if not there:
                     continue
-                ray, move = _ray(points, eyes, k, j), _at(moves, k, j)
+                ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
                 away = _off(move, ray, dot(normal, move) / dot(normal, ray))
-                walk[hand, k, j] = abs(dot(_at(sheets, k, j), away))
+                walk[hand, k, j] = abs(dot(vector(sheets, k, j), away))
 
 
 @njit(cache=True, nogil=True)
@@ -368,7 +363,11 @@ def folded(
                 continue
             m, o = after[1], before[1]
             to, back = way(points, k, j, m, j), way(points, k, j, o, j)
-            ray, move, normal = _ray(points, eyes, k, j), _at(moves, k, j), _at(sheets, k, j)
+            ray, move, normal = (
+                ray_of(points, eyes, k, j),
+                vector(moves, k, j),
+                vector(sheets, k, j),
+            )
             one = _line_on(after[2], to, ray, move, normal)
             other = _line_on(before[2], back, ray, move, normal)
             bend = one[0] - other[0]
@@ -380,11 +379,19 @@ def folded(
             high, low = (first, second) if dot(normal, to) > 0.0 else (second, first)
             out[0, k - span[0], j] = crease(meet, high, low)[0]
             own = _line_on(
-                after[2], to, _ray(points, eyes, m, j), _at(moves, m, j), _at(sheets, m, j)
+                after[2],
+                to,
+                ray_of(points, eyes, m, j),
+                vector(moves, m, j),
+                vector(sheets, m, j),
             )
             out[1, k - span[0], j], out[3, k - span[0], j] = abs(one[0] / own[0]), one[2] / own[2]
             own = _line_on(
-                before[2], back, _ray(points, eyes, o, j), _at(moves, o, j), _at(sheets, o, j)
+                before[2],
+                back,
+                ray_of(points, eyes, o, j),
+                vector(moves, o, j),
+                vector(sheets, o, j),
             )
             out[2, k - span[0], j], out[4, k - span[0], j] = (
                 abs(other[0] / own[0]),
@@ -402,128 +409,3 @@ def _line_on(normal: Vector, to: Vector, ray: Vector, move: Vector, sheet: Vecto
     slope = 1.0 / dot(sheet, away)
     seen = abs(facing) / np.sqrt(dot(ray, ray))
     return slope, -dot(normal, to) / facing * dot(sheet, ray) * slope, seen
-
-
-@njit(cache=True, nogil=True)
-def _next_on_surface(
-    places: Places, limits: Pair, at: tuple[int, int], axis: int, sign: int, closed: bool
-) -> tuple[int, int]:
-    """The next place of a grid in a direction, if its point may lie on one surface with that at
-    (step, line), or in the tail of its stripe; else (−1, −1).
-
-    Where a near surface ends, its tail is seen on it while the sheet passes on, and its points move
-    along the ray. They lie as far beside it as the sheet is thick. ``limits``, mm: how far apart
-    along a profile, and how thick the sheet is as far as its tails reach.
-    """
-    points, eyes, sheets, arc = places
-    (s, n, _), (k, j) = points.shape, at
-    m, i = (k + sign, j) if axis == 0 else (k, j + sign)
-    if closed:
-        m %= s
-    if m < 0 or m >= s or i < 0 or i >= n:
-        return -1, -1
-    gap = way(points, k, j, m, i)
-    size = np.sqrt(dot(gap, gap))
-    if axis == 1:
-        return (m, i) if size <= limits[0] else (-1, -1)
-    ray = _ray(points, eyes, k, j)
-    far = np.sqrt(dot(ray, ray))
-    along = abs(dot(gap, ray)) / far
-    lean = abs(dot(_at(sheets, k, j), ray)) / far
-    aside = np.sqrt(max(size * size - along * along, 0.0))
-    linked = max(_LINKED * max(arc[k, j], arc[m, i]), limits[1] / _TAIL)
-    goes_on = aside <= linked and along <= max(linked, limits[1] / max(lean, 1e-9))
-    return (m, i) if goes_on else (-1, -1)
-
-
-@njit(cache=True, nogil=True)
-def _ends_within(
-    places: Places, limits: Pair, at: tuple[int, int], axis: int, sign: int, closed: bool,
-    reach: int,
-) -> bool:  # fmt: skip
-    """Whether what is seen ends in a direction, fewer than ``reach`` points on."""
-    for _ in range(reach):
-        at = _next_on_surface(places, limits, at, axis, sign, closed)
-        if at[0] < 0:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _width_further_in(
-    places: Places, limits: Pair, at: tuple[int, int], axis: int, sign: int, closed: bool,
-    reach: int, width: Floats,
-) -> float:  # fmt: skip
-    """The median width of the points ``reach`` places on, and one and two more; NaN for none."""
-    some, count = np.empty(3), 0
-    for far in range(1, reach + 3):
-        at = _next_on_surface(places, limits, at, axis, sign, closed)
-        if at[0] < 0:
-            break
-        if far >= reach and not np.isnan(width[at]):
-            some[count] = width[at]
-            count += 1
-    return np.median(some[:count]) if count else np.nan
-
-
-@njit(cache=True, nogil=True)
-def _on_line(
-    places: Places, limits: Pair, at: tuple[int, int], closed: bool, width: Floats
-) -> float:
-    """The median of a width and those before and after it on its line."""
-    some, count = np.empty(3), 1
-    some[0] = width[at]
-    for sign in (1, -1):
-        beside = _next_on_surface(places, limits, at, 0, sign, closed)
-        if beside[0] >= 0 and not np.isnan(width[beside]):
-            some[count] = width[beside]
-            count += 1
-    return np.median(some[:count])
-
-
-@njit(cache=True, nogil=True)
-def whole_widths(
-    places: Places,
-    widths: tuple[Floats, Floats],
-    still: Bools,
-    sizes: Pair,
-    closed: bool,
-    span: tuple[int, int],
-    out: Floats,
-) -> None:
-    """How wide stripes are near an end of what is seen, and how wide those further in.
-
-    ``widths`` two times (s, n) px are those of single stripes, and those of `steady`. Of points
-    that no turn moves, ``still`` (s, n), the profiles before and after tell nothing. ``sizes`` mm:
-    how far apart points of a profile usually are, and how thick the sheet is. Ends are looked for
-    along lines and along profiles as far as two thicknesses, and not further than `_MOST_IN`
-    points; beyond that three points inwards have a median width. Writes both widths of the
-    direction in which they differ most into ``out`` (2, s, n) px, full of NaN, for the steps of a
-    ``span``.
-    """
-    (apart, thickness), (width, steadied) = sizes, widths
-    for k in range(span[0], span[1]):
-        for j in range(width.shape[1]):
-            at = (k, j)
-            if np.isnan(places[0][k, j, 0]):
-                continue
-            limits = (_ALONG * apart, _TAIL * thickness)
-            for axis in range(2):
-                if axis == 0 and still[at]:
-                    continue
-                step = places[3][at] if axis == 0 else apart
-                if step > _CUT_OFF * thickness:  # what is further in is no longer the same surface
-                    continue
-                steps = np.ceil(_CUT_OFF * thickness / max(step, 1e-9))
-                reach = int(min(max(steps, 2.0), _MOST_IN))
-                for sign in (1, -1):
-                    if not _ends_within(places, limits, at, axis, sign, closed, reach):
-                        continue
-                    whole = _width_further_in(
-                        places, limits, at, axis, -sign, closed, reach, steadied
-                    )
-                    own = steadied[at]
-                    if axis == 1:  # along the profile a median would even its end out
-                        own = _on_line(places, limits, at, closed, width)
-                    if whole > 0.0 and not out[1, k, j] * own >= out[0, k, j] * whole:
-                        out[0, k, j], out[1, k, j] = own, whole

@@ -33,12 +33,17 @@ NEIGHBOURS = 15
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def clipped(lit: Image, v: int, first: float, last: float, u0: int, u1: int, level: float) -> int:
-    """How many pixels between first and last are saturated."""
-    count = 0
+def clipped(
+    lit: Image, v: int, first: float, last: float, u0: int, u1: int, level: float
+) -> tuple[int, int, int]:
+    """How many pixels between first and last are saturated, and the first and the last of them."""
+    count, low, high = 0, -1, -1
     for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):
-        count += lit[v, x] >= level
-    return count
+        if lit[v, x] >= level:
+            low = low if count else x
+            high = x
+            count += 1
+    return count, low, high
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
@@ -111,21 +116,16 @@ def lopsided(
         v = int(some[i, ROW])
         middle[i] = some[i, CENTRE] + some[i, START]
         first, last = middle[i] - some[i, REACH], middle[i] + some[i, REACH]
-        count[i] = clipped(lit, v, first, last, u0, u1, saturation)
+        count[i], low, high = clipped(lit, v, first, last, u0, u1, saturation)
         if not count[i]:
             continue
-        full[0] = full[1] = -1.0
-        for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):
-            if lit[v, x] >= saturation:
-                full[0] = x if full[0] < 0.0 else full[0]
-                full[1] = x
         w = v if paired else 0
-        a, b = max(u0, int(full[0]) - FARTHEST), min(u1, int(full[1]) + FARTHEST + 1)
+        a, b = max(u0, low - FARTHEST), min(u1, high + FARTHEST + 1)
         for x in range(a, b):
             line[x] = np.float64(np.int64(lit[v, x]) - np.int64(dark[w, x])) - base
-        level = saturation - dark[w, int(full[0])] - base
+        level = saturation - dark[w, low] - base
         flank = some[i, FLUX] / max(some[i, HEIGHT], 1.0) - count[i]
-        full -= a
+        full[0], full[1] = low - a, high - a
         shift[i], phase[i] = cut_shift(line[a:b], full, level, flank)
     for i in range(n):
         if count[i]:
