@@ -263,8 +263,10 @@ def _judged(
     border &= some.found & ~np.isnan(ratio).all(axis=0)
     bias = by_width(ratio, np.where(border, _SURE_END, _SURE))
     # Over a long step the chord that says what is due may run on to another face: what is wider
-    # than that lies on two surfaces as surely as the sheet reaches over the step.
-    bias = np.where(border & (ratio > 1.0), some.fine * bias, bias)
+    # than that lies on two surfaces as probably as the sheet reaches over the step, and the rms of
+    # what is so with a probability goes with its root.
+    sure = np.sqrt(some.fine)
+    bias = np.where(border & (ratio > 1.0), sure * bias, bias)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * some.fine * np.fmax(*bias)) * width)
     doubt = np.where(border, doubt, _USUAL * doubt)
     pulled = np.zeros(width.shape)
@@ -284,7 +286,7 @@ def _judged(
     # As wide as it is due on one side: that it is narrow is told already, as far as that is known.
     fits = (np.abs(ratio - 1.0) <= _SMOOTH).any(axis=0)
     pinched = _pinched(width, some.light, some.beyond)
-    doubt = np.maximum(doubt, np.where(fits, some.fine, 1.0) * pinched)
+    doubt = np.maximum(doubt, np.where(fits, sure, 1.0) * pinched)
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
     # Over a long step the profile beside may lie on another face, otherwise to the light; and where
     # a stripe has no known width, nothing is told by its light.
