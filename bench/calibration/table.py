@@ -2,13 +2,14 @@
 
 The hexagon's stripes are cut by the true sheets and have the noise of the paper rig's pictures; the
 table goes there and back, as play between the two ways shows in no other scan. One laser sees the
-hexagon there and back, and once more after it was shifted and turned on the table.
+hexagon there and back, and once more after it was shifted and turned on the table, or tipped too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from tests.calibrate.bodies import both, prism, two_lasers
@@ -28,7 +29,9 @@ CENTRE = np.array([5.0, 2.0])
 TRUTH = {"motion.cos1": 0.0, "motion.sin1": ECCENTRIC, "motion.backlash": PLAY}
 
 
-MOVED = Pose(rotation_z(np.radians(40.0)), np.array([-4.0, 6.0, 0.0]))
+_ASIDE = np.array([-4.0, 6.0, 0.0])
+MOVED = Pose(rotation_z(np.radians(40.0)), _ASIDE)
+TIPPED = Pose(rotation_from_vector([np.radians(25.0), 0.0, 0.0]) @ MOVED.rotation, _ASIDE)
 """First pose → second, on the table."""
 ABOUT = Pose(rotation_from_vector([0.0, 0.0, 0.006]), np.array([0.2, -0.2, 0.0]))
 """How far off its place the second pose is thought to be at first."""
@@ -36,11 +39,12 @@ Way = Callable[[Rig, TableMotion, int], tuple[list[Sweep], RefineSettings]]
 
 
 def figures(quick: bool) -> Iterator[Figure]:
-    """Two lasers, there and back; then one laser and two poses, each there and back."""
+    """Two lasers, there and back; then one laser and two poses, upright and tipped."""
     seeds = range(2 if quick else 10)
     for name, lasers, way in (
         ("two lasers", 2, _one_pose),
-        ("one laser, two poses", 1, _two_poses),
+        ("one laser, two poses", 1, partial(_two_poses, MOVED)),
+        ("one laser, the second pose tipped", 1, partial(_two_poses, TIPPED)),
     ):
         yield from _figures(name, lasers, way, seeds)
 
@@ -49,15 +53,17 @@ def _one_pose(rig: Rig, motion: TableMotion, seed: int) -> tuple[list[Sweep], Re
     return _swept(rig, motion, seed), RefineSettings(geometry=False)
 
 
-def _two_poses(rig: Rig, motion: TableMotion, seed: int) -> tuple[list[Sweep], RefineSettings]:
+def _two_poses(
+    moved: Pose, rig: Rig, motion: TableMotion, seed: int
+) -> tuple[list[Sweep], RefineSettings]:
     upright = prism((CENTRE[0], CENTRE[1]), 40.0)
 
     def again(p: Floats) -> Floats:
-        return upright(MOVED.inverse().apply(p.reshape(-1, 3)).reshape(p.shape))
+        return upright(moved.inverse().apply(p.reshape(-1, 3)).reshape(p.shape))
 
     second = both(rig, again, TOLD, motion.angle(TOLD), seed + 50, noise=NOISE, every=6)
     sweeps = [*_swept(rig, motion, seed), *(replace(s, pose=1) for s in second)]
-    return sweeps, RefineSettings(geometry=False, queries=1000, poses=(ABOUT @ MOVED.inverse(),))
+    return sweeps, RefineSettings(geometry=False, queries=1000, poses=(ABOUT @ moved.inverse(),))
 
 
 def _figures(who: str, lasers: int, way: Way, seeds: range) -> list[Figure]:
