@@ -9,9 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import turnscan
+from turnscan.arrays import Floats
 from turnscan.compiled import njit
 
 PACKAGE = Path(turnscan.__file__).parent
@@ -209,6 +211,20 @@ def test_a_constant_that_a_kernel_gives_to_another_has_no_type_of_its_own() -> N
 
     assert outer() == 12
     assert len(inner.signatures) == 1  # type: ignore[attr-defined]
+
+
+def test_a_slice_of_another_shape_is_refused_and_no_text_library_comes_along() -> None:
+    @njit(cache=False)
+    def assign(place: Floats, source: Floats) -> None:
+        place[0] = source
+
+    place = np.zeros((2, 3))
+    assign(place, np.arange(3.0))
+    assert place.tolist() == [[0.0, 1.0, 2.0], [0.0, 0.0, 0.0]]
+    with pytest.raises(ValueError, match="slice of another shape"):
+        assign(place, np.arange(4.0))
+    machine_code = "".join(assign.inspect_llvm().values())  # type: ignore[attr-defined]
+    assert "unicode" not in machine_code, "numba's own sentence is a third of a small kernel"
 
 
 def test_kernels_can_run_uncompiled(small: Path) -> None:

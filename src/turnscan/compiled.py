@@ -33,7 +33,9 @@ import llvmlite.binding
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.types import unliteral  # type: ignore[attr-defined]
+from numba.extending import overload
 from numba.misc.appdirs import user_cache_dir
+from numba.np import arrayobj
 
 from turnscan.locking import take
 
@@ -41,6 +43,7 @@ _LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parent
 _IMPORT = re.compile(rb"^\s*(?:from|import)\s+turnscan((?:\.\w+)*)", re.MULTILINE)
 _USES = re.compile(rb"^from turnscan\.compiled import", re.MULTILINE)
+_UNLIKE = "cannot assign an array to a slice of another shape"
 _PATIENCE = 120.0
 """s: longest wait for another process that compiles the same kernel; then we compile it too."""
 
@@ -75,6 +78,24 @@ def _typed_call(dispatcher: Any, args: Iterable[Any], kws: Mapping[str, Any]) ->
     plain = {name: unliteral(given) for name, given in kws.items()}
     call = type(dispatcher).get_call_template
     return call(dispatcher, tuple(unliteral(given) for given in args), plain)
+
+
+def unlike_shapes(source: Any, place: Any) -> None:
+    """What a kernel calls where it assigns an array to a slice of another shape (ValueError)."""
+    raise ValueError(_UNLIKE)
+
+
+@overload(unlike_shapes)  # type: ignore[untyped-decorator]
+def _unlike_shapes(source: Any, place: Any) -> Callable[[Any, Any], None]:
+    def refuse(source: Any, place: Any) -> None:
+        raise ValueError(_UNLIKE)
+
+    return refuse
+
+
+# numba's own names both shapes, and compiles half of its text library for that sentence into each
+# kernel with such an assignment: a sixth of all the time of compiling (`turnscan precompile`).
+arrayobj.raise_with_shape_context = unlike_shapes
 
 
 def kept_in() -> Path | None:
