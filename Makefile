@@ -73,7 +73,7 @@ test: drivers ## run all tests
 # Each process of make test reads all test modules. After this they need not each put pytest's
 # own words for what fails into them, which takes longer than to read them.
 .PHONY: collect
-collect: drivers ## read the test modules once, ahead of make test
+collect: setup ## whether all test modules can be read
 	@$(BIN)/python -m pytest --collect-only -q >$(VENV)/collected \
 	     || { cat $(VENV)/collected; exit 1; }
 
@@ -91,7 +91,7 @@ test-fast: setup ## the inner loop, two to three minutes: pure rooms, contracts,
 test-interpreters: setup ## pure rooms, scan and cli on every other Python from 3.11 that is here
 	$(BIN)/python tests/interpreters.py
 
-check: frontend-check lint docs ## format, lint, types, import contract, module sizes, front end, docs
+check: frontend-check lint docs collect ## format, lint, types, import contract, module sizes, front end, docs, test modules
 
 # It needs no kernel: with -j it goes on while these are compiled.
 .PHONY: lint
