@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from turnscan.arrays import Floats, Image, Ints, frozen
+from turnscan.calibrate._corners import refined_corners
 from turnscan.calibrate._markers import aruco_dictionary
 from turnscan.calibrate._picture import Grey, grey8, picture_fault
 from turnscan.errors import FormatError
@@ -145,7 +146,9 @@ def detect_board(image: Image, board: Board, name: str = "") -> BoardView:
         failure = f"only {len(ids)} corners, all in one row"
     if failure:
         return BoardView(board, *empty, size, name, failure)
-    return BoardView(board, corners, ids, size, name)
+    clear = (1 - board.marker / board.square) / 2 if isinstance(board, Charuco) else 1.0
+    squares = board.points[ids, :2] / board.square
+    return BoardView(board, refined_corners(grey, corners, squares, clear), ids, size, name)
 
 
 def _lattice(columns: int, rows: int, square: float) -> Floats:
