@@ -17,7 +17,7 @@ _WINDOW = 2.5
 """Standard deviations to which the window goes."""
 _FAR = 0.5
 """px from the search's place from which another edge was fitted, and the search's place stays."""
-_ROUNDS, _STILL = 15, 1e-4
+_ROUNDS, _STILL = 15, 1e-3
 _SOFT = (0.4, 6.0)
 """px: blur of an edge, at least and at most."""
 
@@ -46,7 +46,10 @@ def refined_corners(grey: Any, corners: Floats, places: Floats, clear: float) ->
     """
     import cv2
 
-    normals, near = _directions(places, corners)
+    H, _ = cv2.findHomography(places, corners, 0)
+    if H is None:
+        return corners
+    normals, near = _directions(places, np.asarray(H, dtype=np.float64))
     image = cv2.GaussianBlur(np.asarray(grey, dtype=np.float64), (0, 0), _BLUR)
     sigma = float(np.clip(_REACH * clear * near, _LEAST, _MOST))
     r = int(np.ceil(_WINDOW * sigma))
@@ -62,14 +65,12 @@ def refined_corners(grey: Any, corners: Floats, places: Floats, clear: float) ->
     return np.where(good[:, None], found, corners)
 
 
-def _directions(places: Floats, corners: Floats) -> tuple[Floats, float]:
-    """(n, 2) rad of the normals of the board's two edges in each corner, and px of a square."""
-    import cv2
-
-    H, _ = cv2.findHomography(places, corners, 0)
+def _directions(places: Floats, H: Floats) -> tuple[Floats, float]:
+    """(n, 2) rad of the normals of the board's two edges at ``places`` (n, 2), and px of a square,
+    by the homography (3, 3) from squares to px."""
 
     def seen(at: Floats) -> Floats:
-        p = np.column_stack([at, np.ones(len(at))]) @ np.asarray(H, dtype=np.float64).T
+        p = np.column_stack([at, np.ones(len(at))]) @ H.T
         return np.asarray(p[:, :2] / p[:, 2:])
 
     step = 1e-3
@@ -91,10 +92,11 @@ def _fitted(at: Floats, light: Floats, sigma: float, first: _Crossings) -> Float
             [height[..., None] * slopes, shape[..., None], np.ones_like(shape)[..., None]], axis=-1
         )
         off = light - level[:, :1] - height * shape
-        N = np.einsum("nki,nk,nkj->nij", J, weight, J)
+        weighted = (J * weight[..., None]).swapaxes(1, 2)
+        N = weighted @ J
         N[:, range(7), range(7)] *= 1.0 + 1e-6
         N += 1e-9 * np.eye(7)
-        step = np.linalg.solve(N, np.einsum("nki,nk,nk->ni", J, weight, off)[..., None])[..., 0]
+        step = np.linalg.solve(N, weighted @ off[..., None])[..., 0]
         move = step[:, :2].clip(-1.0, 1.0)
         now = _Crossings(
             now.place + move,
