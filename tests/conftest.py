@@ -53,24 +53,18 @@ class ByModule(LoadScopeScheduling):
 
     All that drives a browser goes to one process: it draws with the processor, and two of them
     leave nothing of two cores to the boards and leases that other tests wait for. So does what
-    looks through all sources, which are parsed once there, and what waits in real time for boards
-    and disks: while one process waits the others have the processors, and do not wait with it.
+    looks through all sources, which are parsed once there.
     """
 
     def _split_scope(self, nodeid: str) -> str:
         module = nodeid.partition("::")[0]
         if module.startswith("tests/app/e2e/"):
             return "browser"
-        if module.startswith(WAITING):
-            return "waiting"
         return "sources" if module in PARSING else module
 
 
 PARSING = [f"tests/contracts/test_{name}.py" for name in ("contracts", "doors", "harness", "words")]
 
-
-WAITING = ("tests/crash/", "tests/devices/", "tests/safety/")
-"""Rooms whose tests wait for most of their time: a third of it all, so it is begun first."""
 
 LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
 """Rooms of many short modules: they fill the processes evenly while the last long ones end."""
@@ -88,8 +82,7 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    last = tuple(f"tests/{room}/" for room in LAST)
-    items.sort(key=lambda item: item.nodeid.startswith(last) - item.nodeid.startswith(WAITING))
+    items.sort(key=lambda item: item.nodeid.startswith(tuple(f"tests/{room}/" for room in LAST)))
 
 
 def _skipped(config: pytest.Config) -> Counter[str]:

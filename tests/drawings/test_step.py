@@ -229,7 +229,7 @@ def test_what_no_surface_fits_stays_triangles_and_iges_is_refused(tmp_path: Path
     needs("OpenCASCADE")
     mesh, _ = _lumpy(0.2, 12)
     found = find_shapes(mesh, tolerance=1e-3)
-    found = replace(found, mesh=mesh)
+    found = replace(found, surface=found.surface.with_mesh(mesh))
     assert not found.step.solid
     assert found.step.findings[-1].code == "shapes.triangles"
     assert "tolerance" in str(found.step.findings[-1])
