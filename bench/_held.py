@@ -5,14 +5,16 @@ Given in the camera's frame, about as far away as the rotation axis, tilted abou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench._drawn import in_picture
+from bench._drawn import Drawn, bench_board, in_picture
+from bench._rigs import photographed, print_on_plate
 from turnscan.arrays import Floats
 from turnscan.calibrate import Charuco
 from turnscan.rig import Pose, Rig, rotation_from_vector, rotation_z
+from turnscan.simulate import SimulationSpec, bench
 
 LARGE = Charuco(15, 10, 12.0, 9.0, "DICT_5X5_250")
 _TILT_UNDER = (0.1, 0.8)
@@ -47,6 +49,31 @@ class Held:
 
 STANDARD = Held("20 + 12 of a board of 180 × 120 mm, tilted 34 to 57°", LARGE, 20, (0.6, 1.0))
 """One that fills the picture of the modern rig."""
+
+
+def from_large_boards(
+    spec: SimulationSpec, views: tuple[int, int, int], held: Held = STANDARD
+) -> Rig:
+    """Calibrate with rendered pictures of a large board, held freely and under the laser, and of
+    the simulator's board on the table; ``views`` says how many of each."""
+    true, on_plate = bench(spec).rig, print_on_plate(held.board).inverse()
+    as_many = replace(held, count=views[0], under=views[1])
+    of_print = as_many.poses(true, np.random.default_rng(spec.seed))
+    free, under = (
+        [true.T_camera_table.inverse() @ T @ on_plate for T in some] for some in of_print
+    )
+    return photographed(spec, free, under, views[2], held.board)
+
+
+def from_large_drawn(
+    spec: SimulationSpec, seed: int, views: tuple[int, int, int], held: Held = STANDARD
+) -> Rig:
+    """The same with corners and stripes that are drawn (`Drawn`)."""
+    true = bench(spec).rig
+    drawn = Drawn(true, np.random.default_rng(seed))
+    as_many = replace(held, count=views[0], under=views[1])
+    free, under = as_many.poses(true, drawn.dice)
+    return drawn.calibrated(free, under, bench_board(spec), views[2], held.board)
 
 
 def _middle(board: Charuco) -> Floats:

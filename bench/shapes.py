@@ -4,15 +4,16 @@
 two of them); ``python -m bench shapes hexagon shaft`` some alone; ``--write`` puts their rows into
 the page, each with the commit that it is of, and leaves those of other parts.
 ``python -m bench.shapes --rig modern --calibrated`` takes another rig, or one calibrated from
-pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --steps 24 shaft``
+pictures, and then the calibration's uncertainty counts, too; ``--seed 1 2 3`` does it with other
+noise each time, of pictures as of the scan; ``--seeds 20 --steps 24 shaft``
 scans a part so many times and tells how often its sizes keep their uncertainty; with ``--drawn`` it
 is one scan by so many calibrations from drawn corners and stripes, which take seconds, not minutes;
 ``--pictures 8,8,12 24,16,24`` draws so many boards held freely, under the laser and on the table,
-each in turn, of rendered ones with
-``--calibrated``; ``--keep FOLDER``
-keeps the scans there and finds them again; ``--plain`` takes the mesh as an STL holds it, without
-sigmas; parts without sizes, such as ``head``, can be named, too; ``--freeform`` tells what is
-invented on a dense mesh of which nothing is a shape, and how long that takes.
+each in turn, of rendered ones with ``--calibrated``; with ``--large`` the board that is held is one
+that fills the modern rig's picture (`bench._held`); ``--keep FOLDER`` keeps the scans and the rigs
+there and finds them again; ``--plain`` takes the mesh as an STL holds it, without sigmas; parts
+without sizes, such as ``head``, can be named, too; ``--freeform`` tells what is invented on a dense
+mesh of which nothing is a shape, and how long that takes.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from scipy.optimize import least_squares
 
 from bench import _keep
 from bench._drawn import from_drawn
+from bench._held import from_large_boards, from_large_drawn
 from bench._page import DOCS, MEASURED, figures, measured, replaced, write
 from bench._rigs import VIEWS, from_pictures
 from bench.accuracy import NEAR_EDGE
@@ -130,6 +132,8 @@ class Task:
     """That those stand for."""
     plain: bool = False
     """Whether the mesh is taken without what a scan says of its points."""
+    large: bool = False
+    """Whether the board that is held fills the picture of the modern rig."""
 
     @property
     def spec(self) -> SimulationSpec:
@@ -140,9 +144,10 @@ class Task:
     def how(self) -> str:
         """What the table says of it."""
         by = " + ".join(map(str, self.pictures))
-        more = f", rig by {by} rendered boards" if self.calibrated else ""
+        board = f"{'large ' if self.large else ''}boards"
+        more = f", rig by {by} rendered {board}" if self.calibrated else ""
         if self.drawn is not None:
-            more = f", rig by {by} drawn boards"
+            more = f", rig by {by} drawn {board}"
         more += ", as STL" if self.plain else ""
         return f"{self.steps} steps{more}" + (f", seed {self.seed}" if self.seed != 1 else "")
 
@@ -185,13 +190,15 @@ def found_on(task: Task, folder: Path) -> Found:
 def _believed(task: Task, made: Bench, folder: Path) -> Rig:
     """The rig to measure with; one by pictures is kept beside the scans."""
     if task.drawn is not None:
-        return from_drawn(task.spec, task.drawn, task.pictures)
+        by_drawn = from_large_drawn if task.large else from_drawn
+        return by_drawn(task.spec, task.drawn, task.pictures)
     if not task.calibrated:
         return made.rig
-    many = "-".join(map(str, task.pictures))
+    many = "-".join(map(str, task.pictures)) + ("-large" if task.large else "")
     path = folder / f"rig-{task.part}-{task.rig}-seed-{task.seed}-pictures-{many}.json"
     if not path.exists():
-        path.write_text(rig_to_json(from_pictures(task.spec, task.pictures)))
+        by_pictures = from_large_boards if task.large else from_pictures
+        path.write_text(rig_to_json(by_pictures(task.spec, task.pictures)))
     return rig_from_json(path.read_text())
 
 
@@ -432,7 +439,8 @@ def main() -> None:
     parser.add_argument("--drawn", action="store_true", help="by corners that are drawn")
     usual = ",".join(map(str, VIEWS))
     parser.add_argument("--pictures", nargs="+", default=[usual], help="that they stand for")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--large", action="store_true", help="the board held fills the picture")
+    parser.add_argument("--seed", type=int, nargs="+", default=[1], help="each in turn")
     parser.add_argument("--seeds", type=int, help="scan each part so many times")
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
@@ -447,11 +455,12 @@ def main() -> None:
         parser.error("the pages' rows are of scans, not of files without sigmas")
     tasks = [
         Task(
-            name, args.rig, args.calibrated, args.seed, args.steps,
-            args.seed if args.drawn else None, _pictures(text), args.plain,
+            name, args.rig, args.calibrated, seed, args.steps,
+            seed if args.drawn else None, _pictures(text), args.plain, args.large,
         )
         for name in args.parts or PARTS
         for text in args.pictures
+        for seed in args.seed
     ]  # fmt: skip
     with _keep.folder(args.keep) as folder:
         if args.seeds is None:

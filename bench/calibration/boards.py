@@ -16,8 +16,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench._held import STANDARD
-from bench._rigs import from_pictures, photographed, print_on_plate
+from bench._held import from_large_boards
+from bench._rigs import from_pictures
 from bench.accuracy import scan
 from bench.calibration._figures import Figure, at_most
 from turnscan.arrays import Floats
@@ -53,7 +53,7 @@ def _rig(name: str) -> Iterator[Figure]:
     spec = SimulationSpec("ball-bar", name, lasers=1, seed=1)
     made = bench(spec)
     true = made.rig
-    rig = _of_large_boards(spec, true) if name == "modern" else from_pictures(spec, VIEWS)
+    rig = from_large_boards(spec, VIEWS) if name == "modern" else from_pictures(spec, VIEWS)
     limits = MODERN if name == "modern" else None
     yield from _axis(name, true, rig, limits)
     grid = scan(made, seconds_of(spec), STEPS, rig).grid
@@ -70,14 +70,6 @@ def _rig(name: str) -> Iterator[Figure]:
         line = at_most(f"{name}: {v.name}, error", v.value, limit, "mm")
         told = f"{line.reached} (U = {v.expanded:.3f} mm)"
         yield Figure(line.name, line.asked, told, line.met)
-
-
-def _of_large_boards(spec: SimulationSpec, true: Rig) -> Rig:
-    on_plate = print_on_plate(STANDARD.board).inverse()
-    of_print = STANDARD.poses(true, np.random.default_rng(spec.seed))
-    free, under = ([true.T_camera_table.inverse() @ T @ on_plate for T in some]
-                   for some in of_print)  # fmt: skip
-    return photographed(spec, free, under, VIEWS[2], STANDARD.board)
 
 
 def _axis(name: str, true: Rig, rig: Rig, limits: tuple[float, ...] | None) -> Iterator[Figure]:
