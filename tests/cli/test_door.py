@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from turnscan import cli
-from turnscan.cli import _VERBS
+from turnscan.cli import _VERBS, main
 
 HEAVY = (
     *("numpy", "scipy", "cv2", "numba", "matplotlib", "ezdxf", "pydantic", "rich"),
@@ -67,6 +67,29 @@ def test_every_verb_has_help(verb: str) -> None:
     done = _run(verb, "--help")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("Usage:")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "calibrate -o a.json -o b.json --camera x",
+        "refine a.turnscan -o b.json --report c.html --report d.html",
+        "compare a.ply b.ply --picture c.png --picture d.png",
+        "shapes a.ply --tolerance 0.1 --tolerance 0.2",
+    ],
+)
+def test_a_flag_that_counts_once_is_not_given_twice(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last was taken, and the others dropped without a word."""
+    monkeypatch.setattr(sys, "argv", ["turnscan", *words.split()])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    flag = next(w for w in words.split() if words.split().count(w) == 2)
+    named = {"-o": "--output"}.get(flag, flag)
+    err = capsys.readouterr().err
+    assert (stop.value.code, err.count("\n")) == (2, 1)
+    assert f"{named} is given 2 times; it counts once" in err
 
 
 def test_unknown_verb_is_a_usage_error() -> None:

@@ -76,6 +76,7 @@ def test_r12_is_written_on_demand(part: Path, tmp_path: Path) -> None:
         (["--plane", "z=0:10:0"], "--plane z=0:10:0: not a plane"),
         (["--plane", "z=0:20:0.001"], "at most 100"),
         (["--plane", "z=inf"], "not finite"),
+        (["--plane", "z=99", "--plane", "z=-5"], "none of 2 sections meets it: section z = 99 mm"),
         ([], "no section was asked for"),
     ],
 )
@@ -85,6 +86,23 @@ def test_bad_input_is_one_line_and_nothing_is_written(
 ) -> None:  # fmt: skip
     _fails(["section", str(part), *args, "-o", str(tmp_path / "s.dxf")], text, monkeypatch, capsys)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_section_that_misses_is_named_and_the_others_are_drawn(
+    part: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "s.json"
+    done = CliRunner().invoke(
+        turnscan, ["section", str(part), "--plane", "z=3:21:9", "-o", str(out)]
+    )
+    assert done.exit_code == 1
+    assert [line.split(":")[0] for line in done.stderr.splitlines()] == [
+        "error section.misses [hexagon.ply]"
+    ]
+    assert "section z = 21 mm misses the part: the part reaches from z = 0.000" in done.stderr
+    names = [s["name"] for s in json.loads(out.read_text())["sections"]]
+    assert names == ["z = 3 mm", "z = 12 mm"]
+    assert f"{out}: 2 sections" in done.stdout
 
 
 def _fails(

@@ -145,6 +145,17 @@ def test_all_freeform_is_said(tmp_path: Path) -> None:
     assert "freeform: no shape" in _run("measure", path)
 
 
+@pytest.mark.parametrize("verb", ["measure", "shapes"])
+def test_every_report_is_written(verb: str, part: Path, tmp_path: Path) -> None:
+    """The last alone was, without a word."""
+    table, data = tmp_path / "r.csv", tmp_path / "r.json"
+    said = _run(verb, part, "--report", table, "--report", data)
+    assert f"{table}: written" in said
+    assert f"{data}: written" in said
+    assert len(table.read_text().splitlines()) > 5
+    assert json.loads(data.read_text())
+
+
 def test_a_dimension_report_shows_each_feature(part: Path, tmp_path: Path) -> None:
     page, sheet, table, data = (tmp_path / f"m.{s}" for s in ("html", "pdf", "csv", "json"))
     said = _run("measure", part, "--report", page)

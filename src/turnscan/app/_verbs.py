@@ -303,7 +303,7 @@ def _section(given: Given) -> Outcome:
     cuts = w.cuts_of(options.plane, options.half_plane_deg, options.silhouette, options.unrolled)
     found = w.section(given.path("part"), cuts, options.tolerance, given.progress)
     found.save(*given.outputs["outputs"], version=options.dxf_version)
-    return Outcome(str(found))
+    return Outcome(str(found), found.findings)
 
 
 def _compare(given: Given) -> Outcome:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections import Counter
 
 import click
 
@@ -56,6 +57,21 @@ class _Verbs(click.Group):
         command = importlib.import_module(f"turnscan.cli._{cmd_name}").verb
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The verb, unless a flag that counts once is given twice: the last would be taken, and the
+        others dropped without a word."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            of_verb = click.Context(command, parent=ctx, info_name=name)
+            order = command.make_parser(of_verb).parse_args(list(rest))[2]
+            for flag, times in Counter(p for p in order if isinstance(p, click.Option)).items():
+                if times > 1 and not (flag.multiple or flag.count or flag.is_flag):
+                    text = f"{max(flag.opts, key=len)} is given {times} times; it counts once"
+                    raise click.UsageError(text, of_verb)
+        return name, command, rest
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Verbs"):

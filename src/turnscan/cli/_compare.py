@@ -33,7 +33,7 @@ def verb(
     reference: Path,
     picture: Path | None,
     outputs: tuple[Path, ...],
-    report: Path | None,
+    reports: tuple[Path, ...],
     tolerance_table: Path | None,
     options: workflows.CompareOptions,
     as_json: bool,
@@ -46,11 +46,13 @@ def verb(
     tolerance of the measured mesh. Faces marked as not measured do not count, nor do vertices off
     the end of an open reference. Exit code 1 where a tolerance of the table is not kept.
     """
-    written = [p for p in (picture, *outputs, report) if p is not None]
+    written = [*([picture] if picture is not None else []), *outputs, *reports]
     workflows.check_apart(written)
-    kinds = {picture: (".png",), report: workflows.DIMENSION_SUFFIXES}
-    for path in written:
-        workflows.check_output(path, kinds.get(path, workflows.MAP_SUFFIXES), [measured, reference])
+    kinds = [(reports, workflows.DIMENSION_SUFFIXES), (outputs, workflows.MAP_SUFFIXES)]
+    kinds += [] if picture is None else [((picture,), (".png",))]
+    for paths, suffixes in kinds:
+        for path in paths:
+            workflows.check_output(path, suffixes, [measured, reference])
     with progress_bar() as progress:
         found = workflows.compare(
             measured, reference, options, tolerance_table=tolerance_table, progress=progress
@@ -59,7 +61,7 @@ def verb(
     tell_findings((*found.findings, *remarks))
     if picture is not None:
         found.save_picture(picture, options.limit)
-    if report is not None:
+    for report in reports:
         found.save_report(report, options.limit)
     tell_found(found, as_json, written)
     if found.verdict == "fail":

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from turnscan.cli._output import report_option
 from turnscan.cli._words import with_flags
 from turnscan.findings import Finding
 
@@ -16,14 +17,12 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def found_flags(outputs: str, table: str = "dimensions") -> Callable[[Command], Command]:
-    """Flags for files, whose help is ``outputs``, for a report with a CSV ``table``, and JSON."""
+    """Flags for files, whose help is ``outputs``, for reports with a CSV ``table``, and JSON."""
     path = click.Path(path_type=Path)
     flags = (
         click.option("-o", "--output", "outputs", multiple=True, type=path,
                      help=f"{outputs}; may be repeated."),
-        click.option("--report", type=path,
-                     help=f"Report to write: .html or .pdf with pictures, .json, or the {table} as "
-                     ".csv."),
+        report_option(f".html or .pdf with pictures, .json, or the {table} as .csv"),
         click.option("--json", "as_json", is_flag=True,
                      help="Print the results as JSON, unrounded."),
     )  # fmt: skip

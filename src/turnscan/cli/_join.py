@@ -8,7 +8,7 @@ import click
 
 from turnscan import workflows
 from turnscan.cli._flags import flags_of
-from turnscan.cli._output import format_options
+from turnscan.cli._output import format_options, report_option
 from turnscan.cli._own_settings import base_option, options_for_each
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
@@ -45,7 +45,7 @@ _path = click.Path(path_type=Path)
 @flags_of(workflows.JoinOptions, into="poses")
 @flags_of(workflows.ReconstructOptions)
 @base_option
-@click.option("--report", type=_path, help="Report to write: .html with pictures, or .json.")
+@report_option(".html with pictures, or .json")
 @format_options
 def verb(
     sources: tuple[Path, ...],
@@ -53,7 +53,7 @@ def verb(
     points_path: Path | None,
     reference: Path | None,
     rig_path: Path | None,
-    report: Path | None,
+    reports: tuple[Path, ...],
     poses: workflows.JoinOptions,
     options: workflows.ReconstructOptions,
     base: str | None,
@@ -68,7 +68,7 @@ def verb(
     Nothing is written where poses do not overlap, or fit in several ways.
     """
     inputs = [*sources, *(p for p in (rig_path, points_path, reference) if p is not None)]
-    workflows.check_targets(outputs, inputs, report, poses.unit)
+    workflows.check_targets(outputs, inputs, reports, poses.unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     chosen, changes = options_for_each(options, base)
     with progress_bar() as progress:
@@ -76,4 +76,4 @@ def verb(
             sources, chosen, points=points_path, markers=poses.markers, reference=reference,
             rig=rig, unit=poses.unit, progress=progress, **changes,
         )  # fmt: skip
-    show_result(result, outputs, report, formats)
+    show_result(result, outputs, reports, formats)

@@ -1,15 +1,26 @@
-"""The options of the file formats."""
+"""The options of the files that verbs write."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import Any, TypeVar
+
+import click
 
 from turnscan import workflows
 from turnscan.cli._flags import flags_of
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def report_option(about: str) -> Callable[[Command], Command]:
+    """Give a verb a flag for reports, of which it writes each; it receives them as ``reports``."""
+    return click.option(
+        "--report", "reports", multiple=True, type=click.Path(path_type=Path),
+        help=f"Report to write: {about}; may be repeated.",
+    )  # fmt: skip
 
 
 def format_options(command: Command) -> Command:

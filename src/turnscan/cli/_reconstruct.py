@@ -8,7 +8,7 @@ import click
 
 from turnscan import workflows
 from turnscan.cli._flags import flags_of, given
-from turnscan.cli._output import format_options
+from turnscan.cli._output import format_options, report_option
 from turnscan.cli._own_settings import chosen_options, settings_options, show_own
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
@@ -45,7 +45,7 @@ _path = click.Path(path_type=Path)
     show_default=True,
     help="Edits to apply: those stored in the scan, none, or those of another scan or .json file.",
 )
-@click.option("--report", type=_path, help="Report to write: .html with pictures, or .json.")
+@report_option(".html with pictures, or .json")
 @format_options
 def verb(
     source: Path,
@@ -56,7 +56,7 @@ def verb(
     name: str,
     ranged: workflows.RangeScanOptions,
     edits: str,
-    report: Path | None,
+    reports: tuple[Path, ...],
     formats: workflows.ExportOptions,
 ) -> None:
     """Turn SOURCE into a surface and write it; each file is read back and compared.
@@ -72,7 +72,7 @@ def verb(
         raise InputError(said, hint="leave it out")
     inputs = [source] if rig_path is None else [source, rig_path]
     inputs += [] if edits in ("own", "none") else [Path(edits)]
-    workflows.check_targets(outputs, inputs, report, ranged.unit)
+    workflows.check_targets(outputs, inputs, reports, ranged.unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     chosen = options if ranges else chosen_options(source, options, base, name)
     with progress_bar() as progress:
@@ -88,4 +88,4 @@ def verb(
         )
     if chosen is None:
         show_own(result)
-    show_result(result, outputs, report, formats)
+    show_result(result, outputs, reports, formats)

@@ -22,7 +22,7 @@ def verb(
     part: Path,
     options: workflows.RevolveOptions,
     outputs: tuple[Path, ...],
-    report: Path | None,
+    reports: tuple[Path, ...],
     as_json: bool,
 ) -> None:
     """Measure PART as a turned part: a mesh (mm) or a scan.
@@ -32,16 +32,16 @@ def verb(
     as threads, and the profile of the wall as lines, arcs and splines. Only measured points count;
     a handle or a keyway is left out.
     """
-    written = [*outputs, *([report] if report is not None else [])]
+    written = [*outputs, *reports]
     workflows.check_apart(written)
     for path in outputs:
         workflows.check_output(path, workflows.REVOLVE_SUFFIXES, inputs=[part])
-    if report is not None:
+    for report in reports:
         workflows.check_output(report, workflows.DIMENSION_SUFFIXES, inputs=[part])
     workflows.check_step(outputs)
     with progress_bar() as progress:
         found = workflows.revolve(part, options, progress=progress)
     tell_findings((*found.findings, *found.save(*outputs)))
-    if report is not None:
+    for report in reports:
         found.save_report(report)
     tell_found(found, as_json, written)

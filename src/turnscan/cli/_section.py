@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
 
 from turnscan import workflows
 from turnscan.cli._flags import flags_of
+from turnscan.cli._found import tell_findings
 from turnscan.cli._progress import progress_bar
 
 
@@ -35,7 +37,8 @@ def verb(
     Each section is drawn as measured, and as lines, arcs and splines fitted to it, with dimensions
     and their standard uncertainties. Only measured points are fitted; filled parts are on a layer
     of their own. Several sections are placed side by side in a DXF, and on a sheet each in SVG and
-    PDF; the JSON holds every point with its sigma.
+    PDF; the JSON holds every point with its sigma. A section that misses the part is named, and the
+    others are drawn; the exit code is 1 then.
     """
     workflows.check_apart(outputs)
     for path in outputs:
@@ -45,7 +48,10 @@ def verb(
     )
     with progress_bar() as bar:
         sections = workflows.section(part, cuts, options.tolerance, bar)
+    tell_findings(sections.findings)
     sections.save(*outputs, version=options.dxf_version)
     click.echo(sections)
     for path in outputs:
         click.echo(f"{path}: {len(sections)} section{'s' if len(sections) > 1 else ''}")
+    if sections.findings:
+        sys.exit(1)

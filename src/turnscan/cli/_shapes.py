@@ -22,7 +22,7 @@ def verb(
     part: Path,
     options: workflows.ShapesOptions,
     outputs: tuple[Path, ...],
-    report: Path | None,
+    reports: tuple[Path, ...],
     as_json: bool,
 ) -> None:
     """Find the planes, cylinders, spheres, cones and tori of PART, a mesh (mm) or a scan.
@@ -32,17 +32,17 @@ def verb(
     freeform. Relations such as parallel or coaxial are adopted where the shapes agree with them
     inside their uncertainty, and each is printed with its measured deviation.
     """
-    written = [*outputs, *([report] if report is not None else [])]
+    written = [*outputs, *reports]
     workflows.check_apart(written)
     for path in outputs:
         workflows.check_output(path, workflows.SHAPES_SUFFIXES, inputs=[part])
-    if report is not None:
+    for report in reports:
         workflows.check_output(report, workflows.DIMENSION_SUFFIXES, inputs=[part])
     with progress_bar() as progress:
         share = 0.3 if workflows.check_step(outputs) else 1.0
         found = workflows.find_shapes(part, options, progress=progress.subrange(0, share))
         remarks = found.save(*outputs, progress=progress.subrange(share, 1))
     tell_findings((*found.findings, *remarks))
-    if report is not None:
+    for report in reports:
         found.save_report(report)
     tell_found(found, as_json, written)

@@ -16,12 +16,12 @@ from turnscan.cli._words import with_flags
 def show_result(
     result: workflows.ReconstructResult,
     outputs: Sequence[Path],
-    report: Path | None,
+    reports: Sequence[Path],
     formats: workflows.ExportOptions,
 ) -> None:
-    """Print what was found, write the outputs and the report; exit code 1 where one is an error.
+    """Print what was found, write the outputs and the reports; exit code 1 where one is an error.
 
-    An error among the findings leaves only the report to be written.
+    An error among the findings leaves only the reports to be written.
     """
     for finding in result.findings:
         click.echo(with_flags(finding), err=True)
@@ -32,7 +32,7 @@ def show_result(
             click.echo(with_flags(remark), err=True)
     for line in result.summary():
         click.echo(line)
-    if report is not None:
+    for report in reports:
         result.save_report(report)
     if result.failed:
         sys.exit(1)

@@ -24,6 +24,7 @@ from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_
 from turnscan.shapes._section import (
     Chain,
     Cut,
+    CutMisses,
     cross_section,
     half_plane_cut,
     plane_cut,
@@ -42,6 +43,7 @@ __all__ = [
     "Arc",
     "Chain",
     "Cut",
+    "CutMisses",
     "Deviation",
     "FittedSection",
     "Line",

@@ -22,6 +22,10 @@ _STEEP = 0.2
 """Noise of a surface that the plane grazes is not magnified beyond the inverse of this."""
 
 
+class CutMisses(InputError):
+    """A cut meets nothing of the part; others may."""
+
+
 @dataclass(frozen=True)
 class Cut:
     """Where to cut, and how the section is drawn: a point p of the part stands at (p·right, p·up)
@@ -203,8 +207,8 @@ def cross_section(mesh: Mesh, cut: Cut) -> list[Chain]:
     """The polylines in which a cut meets a mesh, the longest first.
 
     Each point lies where the plane crosses a side of a face. Faces that lie in the plane give their
-    border. Raises InputError for a mesh without faces and for a cut that misses it, saying where
-    the part is.
+    border. Raises InputError for a mesh without faces and `CutMisses` for a cut that misses it,
+    saying where the part is.
     """
     if not len(mesh.faces):
         raise InputError(
@@ -212,8 +216,8 @@ def cross_section(mesh: Mesh, cut: Cut) -> list[Chain]:
         )
     chains = crossed(mesh, cut)
     if not chains:
-        raise InputError(f"section {cut.name} misses the part: {_where(mesh, cut)}",
-                         hint="move it so that it cuts the part")  # fmt: skip
+        raise CutMisses(f"section {cut.name} misses the part: {_where(mesh, cut)}",
+                        hint="move it so that it cuts the part")  # fmt: skip
     return chains
 
 

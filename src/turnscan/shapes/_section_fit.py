@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_fit import fit_outlines
-from turnscan.shapes._section import Chain, Cut, cross_section
+from turnscan.shapes._section import Chain, Cut, CutMisses, cross_section
 from turnscan.shapes.views._silhouette import outermost, silhouette
 from turnscan.shapes.views._unrolled import Relief, unrolled
 
@@ -85,7 +84,7 @@ def fit_section(mesh: Mesh, cut: Cut, tolerance: float | None = None) -> FittedS
         return FittedSection(cut, tuple(chains), tuple(map(tuple, rows)))
     chains = silhouette(mesh, cut)
     if not chains:
-        raise InputError(f"{cut.name}: the mesh has no faces that are seen from there",
-                         hint="give a surface, and another direction")  # fmt: skip
+        raise CutMisses(f"{cut.name}: the mesh has no faces that are seen from there",
+                        hint="give a surface, and another direction")  # fmt: skip
     rows = [[outermost(o) for o in row] for row in fit_outlines(chains, tolerance)]
     return FittedSection(cut, tuple(chains), tuple(map(tuple, rows)))

@@ -12,7 +12,10 @@ from turnscan.workflows._options._units import check_step, is_step
 
 
 def check_targets(
-    outputs: Sequence[Path], inputs: Sequence[Path], report: Path | None = None, unit: str = "m"
+    outputs: Sequence[Path],
+    inputs: Sequence[Path],
+    reports: Sequence[Path] = (),
+    unit: str = "m",
 ) -> None:
     """Check the names of the files to write a surface to, before work is spent.
 
@@ -24,11 +27,11 @@ def check_targets(
     for path in inputs:
         if path.suffix.lower() == ".conf" and path.is_file():
             read += placed_scans(path, unit)
-    check_apart(outputs)
+    check_apart([*outputs, *reports])
     for path in outputs:
         if not is_step(path):
             exporter_for(path.suffix)
         check_output(path, inputs=read)
     check_step(outputs)
-    if report is not None:
+    for report in reports:
         check_output(report, (".html", ".json"), read)

@@ -14,9 +14,7 @@ def check_apart(paths: Sequence[Path]) -> None:
     seen = set[Path]()
     for path in paths:
         if path.resolve() in seen:
-            raise InputError(
-                f"{path}: is given twice as an output", hint="give each -o another name"
-            )
+            raise InputError(f"{path}: is given twice as an output", hint="give each another name")
         seen.add(path.resolve())
 
 

@@ -37,13 +37,14 @@ def section(
     Returns
     -------
     Sections
-        The sections in the order of the cuts, to be saved as drawings.
+        The sections in the order of the cuts, to be saved as drawings. A cut that misses the part
+        is one of their ``findings``, and the others are drawn.
 
     Raises
     ------
     InputError
-        For a mesh without faces, a cut that misses it or is none, and a tolerance that is not
-        positive; and what `reconstruct` raises.
+        For a mesh without faces, where no cut meets it, a text that is no cut, and a tolerance
+        that is not positive; and what `reconstruct` raises.
 
     >>> import turnscan as ts
     >>> cut = ts.section("cup.turnscan", ["z=20"])

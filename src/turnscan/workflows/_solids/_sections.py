@@ -19,12 +19,14 @@ from turnscan.drawings import (
     write_section_svg,
 )
 from turnscan.errors import InputError
+from turnscan.findings import Finding
 from turnscan.formats import DxfVersion
 from turnscan.mesh import Mesh
 from turnscan.remedy import Option, Remedy
 from turnscan.shapes import (
     Arc,
     Cut,
+    CutMisses,
     FittedSection,
     fit_section,
     half_plane_cut,
@@ -143,6 +145,8 @@ class Sections(Sequence[FittedSection]):
     """Stands on the drawings."""
     about: Mapping[str, object] = field(default_factory=dict)
     """Where the part comes from; embedded in files."""
+    findings: tuple[Finding, ...] = ()
+    """Cuts that miss the part, an error each: there is no section of them."""
 
     @overload
     def __getitem__(self, at: int) -> FittedSection: ...
@@ -202,15 +206,29 @@ def sections_of(
 ) -> Sections:
     """Cut a mesh and fit each section; the arguments are those of `turnscan.workflows.section`.
 
-    Raises InputError for a mesh without faces, a cut that misses it, and a tolerance that is not
-    positive, or more than a tenth of the part.
+    A cut that misses the part is a finding, and the others are drawn. Raises InputError for a mesh
+    without faces, where no cut meets it, and for a tolerance that is not positive, or more than a
+    tenth of the part.
     """
     check_tolerance(tolerance, mesh)
+    fitted, missed = list[FittedSection](), list[CutMisses]()
     try:
-        fitted = tuple(fit_section(mesh, cut, tolerance) for cut in cuts)
+        for cut in cuts:
+            try:
+                fitted.append(fit_section(mesh, cut, tolerance))
+            except CutMisses as e:
+                missed.append(e)
+        if missed and not fitted:
+            raise missed[0]
     except InputError as e:
-        raise InputError(f"{title}: {e.message}", hint=e.hint) from None
-    return Sections(fitted, title, about)
+        raise InputError(f"{title}: {_every(missed)}{e.message}", hint=e.hint) from None
+    findings = (Finding("section.misses", "error", e.message, title, e.hint) for e in missed)
+    return Sections(tuple(fitted), title, about, tuple(findings))
+
+
+def _every(missed: Sequence[CutMisses]) -> str:
+    """That none of several cuts meets the part, before what is said of the first."""
+    return f"none of {len(missed)} sections meets it: " if len(missed) > 1 else ""
 
 
 def section_file(

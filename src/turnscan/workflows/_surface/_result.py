@@ -164,12 +164,12 @@ class ReconstructResult:
         Returns
         -------
         Sections
-            To be saved as drawings.
+            To be saved as drawings. A cut that misses the part is one of their ``findings``.
 
         Raises
         ------
         InputError
-            Where nothing is asked for, or a cut misses the part.
+            Where nothing is asked for, or no cut meets the part.
 
         >>> import turnscan as ts
         >>> part = ts.reconstruct("cup.turnscan")
