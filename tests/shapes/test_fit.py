@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.rig import rotation_from_vector
-from turnscan.shapes import fit_circle, fit_cylinder, fit_plane, fit_sphere
-from turnscan.shapes._fit import _circle
+from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._fit import _circle, fit_circle
 
 
 def frame(seed):

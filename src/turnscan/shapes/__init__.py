@@ -1,7 +1,7 @@
 """Mesh and points → planes and other primitives, with residuals and uncertainty; deviations."""
 
 from turnscan.shapes._deviation import Deviation, deviation
-from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._fit import fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Sphere
 from turnscan.shapes._measure import (
     Measured,
@@ -68,7 +68,6 @@ __all__ = [
     "deviation",
     "distance",
     "find_planes",
-    "fit_circle",
     "fit_cylinder",
     "fit_outlines",
     "fit_plane",
