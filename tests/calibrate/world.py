@@ -10,7 +10,7 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._board import Board, BoardView, Chessboard
 from turnscan.calibrate._layout import MarkerLayout, platter_powers
 from turnscan.calibrate._state import RiderView, StripeView
-from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_from_vector, rotation_z
+from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_from_vector
 
 CAMERA = Camera(640, 480, 622.0, 620.0, 322.0, 238.0, np.array([0.12, -0.2, 0.0, 0.0, 0.0]))
 SHAPE = np.array([0.002, -0.001, 1e-5, -2e-5, 3e-5])
@@ -101,12 +101,15 @@ class World:
     def rider_view(self, layout: MarkerLayout, angle: float, every: float = 3.0) -> RiderView:
         T = self.rig.T_camera_table
         points, _ = layout.points(layout.numbers)
-        px = self.noisy(self.rig.camera.project(T.apply(points @ rotation_z(angle).T)))
+        turn, shift = self.rig.turning(angle)
+        px = self.noisy(self.rig.camera.project(T.apply(points @ turn.T + shift)))
         return RiderView(layout.numbers, px, (self.platter_stripe(layout, angle, every),))
 
     def platter_stripe(self, layout: MarkerLayout, angle: float, every: float = 3.0) -> StripeView:
         """The stripe on the warped platter, a centre every few rows, within 70 mm of the axis."""
-        T, sheet = self.rig.T_camera_table, self.rig.sheets[0]
+        sheet = self.rig.sheets[0]
+        turn, shift = self.rig.turning(angle)
+        T = self.rig.T_camera_table @ Pose(turn, shift)
         axis = T.rotation[:, 2]
         along = np.cross(sheet.normal, axis)
         along /= np.linalg.norm(along)
@@ -117,7 +120,7 @@ class World:
         rise /= rise @ axis
         points = flat
         for _ in range(4):
-            place = T.inverse().apply(points) @ rotation_z(angle)
+            place = T.inverse().apply(points)
             height = platter_powers(place[:, :2]) @ layout.shape
             points = flat + height[:, None] * rise
         px = self.rig.camera.project(points)

@@ -21,7 +21,14 @@ from turnscan.calibrate._layout import (
 )
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._prior import RigPrior
-from turnscan.calibrate._residuals import CAMERA_SIZE, Traced, point_term, stripe_term, trace
+from turnscan.calibrate._residuals import (
+    CAMERA_SIZE,
+    StripeTerm,
+    Traced,
+    point_term,
+    stripe_term,
+    trace,
+)
 from turnscan.calibrate._state import (
     RiderView,
     State,
@@ -30,7 +37,7 @@ from turnscan.calibrate._state import (
     bulge,
     platter_stripe,
 )
-from turnscan.rig import Pose, nearest_rotation, rotation_z
+from turnscan.rig import WOBBLE, Pose, nearest_rotation, wobble_slopes
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")
 BOARD, RIDER = "board corners", "table corners"
@@ -57,6 +64,8 @@ class RigNetwork:
     """Mean marker side and its uncertainty, mm, where nothing else gives the scale."""
     prior: RigPrior | None = None
     """What was known of the rig before."""
+    wobble: bool = False
+    """Whether the states' rigs have a motion of the axis, whose parameters then are shared ones."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -67,6 +76,7 @@ class RigNetwork:
         return (
             *(f"camera.{n}" for n in lens_names),
             *(f"{laser}.{n}" for laser in self.lasers for n in sheet),
+            *(WOBBLE if self.wobble else ()),
             *(f"table.{n}" for n in table),
             *self.layout_names,
             *BEND,
@@ -161,7 +171,7 @@ class RigNetwork:
         on[-3:] = bend and bool(self.boards)
         if self.table and state.layout is not None:
             table = names.index("table.turn_x")
-            on[table:-3] = True
+            on[table - len(self._moves) : -3] = True
             for k in state.layout.held:
                 on[table + 6 + k] = False
             if isinstance(state.layout, MarkerLayout) and not platter:
@@ -244,7 +254,19 @@ class RigNetwork:
 
     @property
     def _table_column(self) -> int:
-        return CAMERA_SIZE + 6 * len(self.lasers)
+        return CAMERA_SIZE + 6 * len(self.lasers) + len(self._moves)
+
+    @property
+    def _moves(self) -> tuple[str, ...]:
+        """Parameters of the axis's own motion, which stand before those of the table."""
+        return WOBBLE if self.wobble else ()
+
+    def _swings(self, state: State, angles: Floats) -> tuple[Floats, Floats]:
+        """Turns (..., 6, 3) and shifts (..., 6, 3) in camera axes that one unit of each parameter
+        of the axis's motion makes at angles (...); (..., 0, 3) where there is none."""
+        T = state.rig.T_camera_table
+        turns, shifts = (T.turn(s[..., : len(self._moves), :]) for s in wobble_slopes(angles))
+        return turns, shifts
 
     def _riders(self, state: State) -> list[Block]:
         """The corners on the table, all pictures at once, then cut into views."""
@@ -252,9 +274,10 @@ class RigNetwork:
         T = state.rig.T_camera_table
         counts = [len(v.corners) for v in self.table]
         points, by_layout = state.layout.points(np.concatenate([v.numbers for v in self.table]))
-        spin = rotation_z(np.repeat(state.angles, counts))
-        on_table = np.einsum("nij,nj->ni", spin, points)
-        turned = T.turn(on_table)
+        angle = np.repeat(state.angles, counts)
+        spin, shift = state.rig.turning(angle)
+        arm = np.einsum("nij,nj->ni", spin, points)
+        turned = T.turn(arm + shift)
         pixels, by_point, by_camera = point_term(state.rig.camera, turned + T.translation)
         common = self._zeros(2 * len(pixels))
         common[:, :CAMERA_SIZE] = by_camera.reshape(-1, CAMERA_SIZE)
@@ -263,7 +286,12 @@ class RigNetwork:
         common[:, c + 3 : c + 6] = by_point.reshape(-1, 3)
         by_layout = by_point @ (T.rotation @ spin) @ by_layout
         common[:, c + 6 : -3] = by_layout.reshape(2 * len(pixels), -1)
-        by_angle = np.stack([-on_table[:, 1], on_table[:, 0], np.zeros(len(points))], axis=1)
+        turns, shifts = self._swings(state, angle)
+        swing = np.cross(turns, T.turn(arm)[:, None]) + shifts
+        common[:, c - len(self._moves) : c] = np.einsum("nij,nkj->nik", by_point, swing).reshape(
+            2 * len(pixels), -1
+        )
+        by_angle = np.einsum("nij,nj->ni", spin, _quarter_turned(points))
         own = np.einsum("nij,nj->ni", by_point, T.turn(by_angle)).reshape(-1, 1)
         residual = (np.concatenate([v.corners for v in self.table]) - pixels).reshape(-1)
         out = []
@@ -288,10 +316,14 @@ class RigNetwork:
             seen = traced.part(where)
             term, powers = platter_stripe(state, all_of[mine[0]][1], seen, angle)
             common = self._sheet_columns(term.by_camera, term.by_sheet, laser)
-            normal = T.rotation[:, 2]
-            common[:, c : c + 3] = -term.by_normal @ cross_matrices(normal[None])[0]
+            normal = T.turn(state.rig.turning(angle)[0][:, :, 2])
+            common[:, c : c + 3] = np.cross(normal, term.by_normal)
             common[:, c + 3 : c + 6] = term.by_point
-            common[:, c + 6 : c + 11] = (term.by_point @ normal)[:, None] * powers
+            up = np.einsum("ni,ni->n", term.by_point, normal)
+            common[:, c + 6 : c + 11] = up[:, None] * powers
+            turns, shifts = self._swings(state, angle)
+            swing = np.cross(turns, normal[:, None])
+            common[:, c - len(self._moves) : c] = _both(term, swing, shifts)
             for i, end, count in zip(mine, np.cumsum(counts), counts, strict=True):
                 k, part = all_of[i][0], slice(end - count, end)
                 own = np.zeros((count, 0))  # the platter is flat whichever way it is turned
@@ -305,9 +337,10 @@ class RigNetwork:
         assert isinstance(state.layout, BoardLayout)
         T = state.rig.T_camera_table
         c = self._table_column
-        turn = T.rotation @ rotation_z(state.angles[k])
+        spin, shift = state.rig.turning(state.angles[k])
+        turn = T.rotation @ spin
         n0, q0, by_n0, by_q0 = state.layout.plane()
-        normal, arm = turn @ n0, turn @ q0
+        normal, arm = turn @ n0, turn @ q0 + T.turn(shift)
         sheet = state.rig.sheet(stripe.laser)
         term = stripe_term(sheet, seen, stripe.direction, normal, arm + T.translation)
         common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
@@ -315,6 +348,9 @@ class RigNetwork:
         common[:, c : c + 3] = -term.by_normal @ swing[0] - term.by_point @ swing[1]
         common[:, c + 3 : c + 6] = term.by_point
         common[:, c + 6 : -3] = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
+        turns, shifts = self._swings(state, state.angles[k])
+        moved = np.cross(turns, turn @ q0) + shifts
+        common[:, c - len(self._moves) : c] = _both(term, np.cross(turns, normal), moved)
         axis = T.rotation[:, 2]
         own = term.by_normal @ np.cross(axis, normal) + term.by_point @ np.cross(axis, arm)
         view = len(self.boards) + k
@@ -328,3 +364,17 @@ class RigNetwork:
         common[0, self._table_column + 6 + 5 + 3 : -3 : 4] = 1.0 / (m * sigma)
         residual = np.array([(side - float(layout.squares[:, 3].mean())) / sigma])
         return Block(-1, _PRIOR_SIDE, residual, common, np.zeros((1, 0)))
+
+
+def _quarter_turned(points: Floats) -> Floats:
+    """Points (n, 3) → z × points (n, 3): how they move as the table turns."""
+    return np.stack([-points[:, 1], points[:, 0], np.zeros(len(points))], axis=1)
+
+
+def _both(term: StripeTerm, normals: Floats, points: Floats) -> Floats:
+    """(n, k): derivative of a stripe where k parameters move its plane's normal and point by
+    (n, k, 3) or (k, 3) each."""
+    many = (len(term.residual), *normals.shape[-2:])
+    by: Floats = np.einsum("ni,nki->nk", term.by_normal, np.broadcast_to(normals, many))
+    by += np.einsum("ni,nki->nk", term.by_point, np.broadcast_to(points, many))
+    return by

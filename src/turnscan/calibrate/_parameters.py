@@ -8,6 +8,7 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
+from turnscan.rig import WOBBLE
 from turnscan.calibrate._words import (
     parameter_in_words,
     uncertainty_in_words,
@@ -36,6 +37,9 @@ def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
         values["table.turn_x"] = f"axis {_vector(T.rotation[:, 2])}"
         shifts = zip("xyz", T.translation, strict=True)
         values |= {f"table.shift_{n}": f"{t:.3f} mm" for n, t in shifts}
+    if c.rig.wobble is not None:
+        moves = zip(WOBBLE, c.rig.wobble.values, strict=True)
+        values |= {n: value_in_words(n, float(v)) for n, v in moves}
     if isinstance(layout, MarkerLayout):
         own = [*layout.shape, *layout.squares.ravel()]
         values |= {n: value_in_words(n, float(v)) for n, v in zip(layout.names, own, strict=True)}

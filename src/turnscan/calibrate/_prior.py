@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
-from turnscan.rig import LaserSheet, Pose, Rig
+from turnscan.rig import WOBBLE, LaserSheet, Pose, Rig
 
 _LEAST_SHARE = 1e-9
 """Of the largest: a variance below it is taken for that, so that nothing is divided by 0."""
@@ -36,7 +36,8 @@ class RigPrior:
 def prior_of(before: Rig, now: Rig, stages: Collection[str], anew: bool = False) -> RigPrior | None:
     """What ``before`` says of some stages of ``now``: "camera", "table" and names of lasers.
 
-    ``anew`` is whether the table's angle zero was chosen anew. None where ``before`` has no
+    ``anew`` is whether the table's angle zero was chosen anew: how the axis moves in a turn, which
+    counts from there, is then left out. None where ``before`` has no
     covariance, or none of these stages.
     """
     if before.covariance is None:
@@ -46,7 +47,10 @@ def prior_of(before: Rig, now: Rig, stages: Collection[str], anew: bool = False)
     wanted = [
         (names.index(name), k)
         for k, name in enumerate(old)
-        if name.rpartition(".")[0] in stages and sigma2[k] > 0.0
+        if name.rpartition(".")[0] in stages
+        and sigma2[k] > 0.0
+        and name in names
+        and not (anew and name in WOBBLE)
     ]
     if not wanted:
         return None
@@ -61,7 +65,11 @@ def prior_of(before: Rig, now: Rig, stages: Collection[str], anew: bool = False)
         covariance[np.ix_(turns, turns)] += _FREE_TURN * np.outer(axis[which], axis[which])
         T = _turned_like(T, now.T_camera_table)
     sheets = tuple(before.sheet(s.name) if s.name in stages else s for s in now.sheets)
-    rig = replace(now, camera=before.camera, sheets=sheets, T_camera_table=T, covariance=None)
+    kept = now.wobble is not None and before.wobble is not None and not anew
+    wobble = before.wobble if kept else now.wobble
+    rig = replace(
+        now, camera=before.camera, sheets=sheets, T_camera_table=T, wobble=wobble, covariance=None
+    )
     return RigPrior(rig, index.astype(np.int32), _root(covariance))
 
 
@@ -73,8 +81,11 @@ def moved_by(before: Rig, now: Rig) -> Floats:
     S, T = before.T_camera_table, now.T_camera_table
     turn = T.rotation @ S.rotation.T
     small = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    wobble = np.zeros(0)
+    if before.wobble is not None and now.wobble is not None:
+        wobble = now.wobble.values - before.wobble.values
     return np.concatenate(
-        [camera, b.distortion - a.distortion, b.tilt - a.tilt, *sheets, small / 2,
+        [camera, b.distortion - a.distortion, b.tilt - a.tilt, *sheets, wobble, small / 2,
          T.translation - S.translation]
     )  # fmt: skip
 

@@ -356,6 +356,8 @@ def table_stage(
 ) -> tuple[State, RigNetwork, list[TablePicture]]:
     """Axis, layout and angles; then the stripes on the platter and with them the scale."""
     camera = state.rig.camera
+    # How the axis moves in a turn counts from an angle zero that is chosen anew here.
+    state = replace(state, rig=replace(state.rig, wobble=None))
     layout: Layout
     used, riders = _riders(table, settings, rejected)
     if settings.table_board is not None:

@@ -31,11 +31,8 @@ from turnscan.calibrate._start_table import FEWEST_STEPS
 from turnscan.calibrate._state import State, StripeView
 from turnscan.calibrate._steps import AngleModel, angle_model
 from turnscan.calibrate._thickness import sheet_thickness
-from turnscan.rig import Marker, Pose, Rig
-
-_HOPELESS = 0.5
-"""Part of the standard deviations that a parameter needs to be kept, by a linear step: no fit is
-needed to see that it is not."""
+from turnscan.calibrate._wobble import HOPELESS, with_wobble
+from turnscan.rig import WOBBLE, Marker, Pose, Rig
 
 Say = Callable[[str], None]
 
@@ -169,13 +166,15 @@ def _adjusted(
     stages: Stages,
 ) -> Calibration:
     """Everything together, without the pictures that do not fit."""
-    network = replace(network, prior=stages.prior(state.rig))
+    moves = state.rig.wobble is not None
+    network = replace(network, prior=stages.prior(state.rig), wobble=moves)
     fit = adjust(network, state, stages.free(network, state))
     fit, network, dropped = _without_bad_views(fit, network, used, stages)
     rejected += dropped
     gone = {d.name for d in dropped}
     used = [p for p in used if p.name not in gone]
-    fit = _keep_significant(fit, network, stages)
+    fit, free = _keep_significant(fit, network, stages)
+    fit, network = with_wobble(fit, network, stages, free)
     model = _angles(fit, network, used, settings) if used else None
     rig = _finished_rig(fit, network, settings)
     names = (*(v.name for v in network.boards), *(v.name for v in network.table))
@@ -208,8 +207,11 @@ def _without_bad_views(
     return adjust(network, state, stages.free(network, state), near=fit), network, dropped
 
 
-def _keep_significant(fit: Fit[State], network: RigNetwork, stages: Stages) -> Fit[State]:
-    """Add k3 and the sheets' bow where they earn it; drop p1 and p2 where they do not.
+def _keep_significant(
+    fit: Fit[State], network: RigNetwork, stages: Stages
+) -> tuple[Fit[State], Bools]:
+    """Add k3 and the sheets' bow where they earn it; drop p1 and p2 where they do not. With it,
+    what is free.
 
     Wald's statistic of k parameters is what they lower χ² by; Bayes' information criterion asks for
     k·ln n of n observations.
@@ -237,7 +239,7 @@ def _keep_significant(fit: Fit[State], network: RigNetwork, stages: Stages) -> F
         more = _tried(network, fit, free, name, value(fit.state))
         if more and matters(more[0], [name], np.array([value(more[0].state)])):
             fit, free = more
-    return fit
+    return fit, free
 
 
 def _observations(fit: Fit[State]) -> int:
@@ -261,7 +263,7 @@ def _tried(
     tried = free.copy()
     tried[k] = True
     moved, sigma = one_step(network, fit, tried)
-    if abs(value + moved[k]) < _HOPELESS * np.sqrt(np.log(_observations(fit))) * sigma[k]:
+    if abs(value + moved[k]) < HOPELESS * np.sqrt(np.log(_observations(fit))) * sigma[k]:
         return None
     return adjust(network, fit.state, tried, near=fit), tried
 
@@ -295,6 +297,11 @@ def _finished_rig(fit: Fit[State], network: RigNetwork, settings: CalibrationSet
         n = by.shape[2]
         carried = np.eye(p, p + n)
         carried[p - 3 : p, p:] = np.outer(up, by[low, 2])
+        if rig.wobble is not None:
+            height = float(corners[low, 2]) - settings.lowest
+            rig = replace(rig, wobble=rig.wobble.lifted(height))
+            tilt = p - 6 - len(WOBBLE)
+            carried[[tilt + 2, tilt + 3], [tilt + 1, tilt]] = height, -height
         covariance = carried @ fit.covariance[: p + n, : p + n] @ carried.T
     known = rig.table_known or layout is not None
     return replace(rig, markers=markers, covariance=covariance, table_known=known)

@@ -10,7 +10,7 @@ from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._board import Board
 from turnscan.calibrate._layout import Layout, MarkerLayout, platter_powers
 from turnscan.calibrate._residuals import StripeTerm, Traced, stripe_term
-from turnscan.rig import Pose, Rig, rotation_z
+from turnscan.rig import Pose, Rig
 
 
 @dataclass(frozen=True)
@@ -96,16 +96,19 @@ def platter_stripe(
     layout = state.layout
     assert isinstance(layout, MarkerLayout)
     T = state.rig.T_camera_table
-    normal = T.rotation[:, 2]
     rays = seen.rays
-    back = np.broadcast_to(rotation_z(angle), (len(rays), 3, 3))
+    turned, shift = state.rig.turning(angle)
+    back = np.broadcast_to(turned, (len(rays), 3, 3))
+    normal = back[:, :, 2] @ T.rotation.T
+    middle = T.apply(np.broadcast_to(shift, (len(rays), 3)))
+    foot = np.einsum("ni,ni->n", normal, middle)
+    across = np.einsum("ni,ni->n", rays, normal)
     height = np.zeros(len(rays))
     for _ in range(2):
-        level = normal @ T.translation + height
-        flat = T.inverse().apply(rays * (level / (rays @ normal))[:, None])
+        flat = T.inverse().apply(rays * ((foot + height) / across)[:, None]) - shift
         place = np.einsum("ni,nij->nj", flat, back)
         powers = platter_powers(place)
         height = powers @ layout.shape
-    point = T.translation + height[:, None] * normal
+    point = middle + height[:, None] * normal
     sheet = state.rig.sheet(stripe.laser)
     return stripe_term(sheet, seen, stripe.direction, normal, point), powers

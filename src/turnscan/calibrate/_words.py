@@ -22,6 +22,14 @@ _SHEET = {
 }
 _WAYS = {"x": "right", "y": "downwards", "z": "away from the camera"}
 _PLAY = {"start": "play taken up at the start", "backlash": "play between the two ways of turning"}
+_WOBBLE = {
+    "tilt_x": "tilt about the table's x, against the turn",
+    "tilt_y": "tilt about the table's y, against the turn",
+    "shift_x": "shift along the table's x, against the turn",
+    "shift_y": "shift along the table's y, against the turn",
+    "rise_cos": "rise and fall, cosine part",
+    "rise_sin": "rise and fall, sine part",
+}
 _PIXELS = ("fx", "fy", "cx", "cy")
 """Parameters of a camera that are counted in px."""
 
@@ -39,6 +47,8 @@ def parameter_in_words(name: str) -> str:
         return f"rotation axis: turn about the direction {_WAYS[what[-1]]}"
     if of == "table" and what.startswith("shift_"):
         return f"rotation axis: shift {_WAYS[what[-1]]}"
+    if of == "table" and what.startswith("wobble_"):
+        return f"axis in a turn: {_WOBBLE[what[7:]]}"
     if of == "motion":
         if what in _PLAY:
             return f"table: {_PLAY[what]}"
@@ -74,7 +84,7 @@ def unit_of(name: str) -> tuple[float, str]:
     """What a parameter is multiplied with to be read, and the unit that follows the number; empty
     for a number without one."""
     of, _, what = name.rpartition(".")
-    if of == "motion" or what.startswith(("turn_", "tilt_")) or what.endswith("angle"):
+    if of == "motion" or what.startswith(("turn_", "tilt_", "wobble_tilt")) or what.endswith("angle"):
         return math.degrees(1.0), "°"
     if of == "camera":
         return 1.0, " px" if what in _PIXELS else ""

@@ -16,6 +16,7 @@ from turnscan.rig._motion import TableMotion
 from turnscan.rig._pose import Pose
 from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._sheet import LaserSheet
+from turnscan.rig._wobble import Wobble
 
 RIG_FORMAT = "turnscan-rig"
 RIG_VERSION = 1
@@ -67,6 +68,12 @@ class _MotionFile(_Strict):
     covariance: tuple[tuple[float, ...], ...] | None = None
 
 
+class _WobbleFile(_Strict):
+    tilt: Vec2
+    shift: Vec2
+    rise: Vec2
+
+
 class _RigFile(_Strict):
     format: Literal["turnscan-rig"]
     version: Literal[1]
@@ -78,6 +85,7 @@ class _RigFile(_Strict):
     markers: tuple[_MarkerFile, ...] = ()
     covariance: tuple[tuple[float, ...], ...] | None = None
     motion: _MotionFile | None = None
+    wobble: _WobbleFile | None = None
     evidence: tuple[str, ...] = ()
 
 
@@ -116,6 +124,7 @@ def rig_to_json(rig: Rig) -> str:
         ],
         "covariance": None if rig.covariance is None else rig.covariance.tolist(),
         **({} if rig.motion is None else {"motion": _motion_text(rig.motion)}),
+        **({} if rig.wobble is None else {"wobble": _wobble_text(rig.wobble)}),
         **({"evidence": list(rig.evidence)} if rig.evidence else {}),
     }
     return json.dumps(body, indent=1, allow_nan=False)
@@ -161,6 +170,7 @@ def _build(f: _RigFile) -> Rig:
         markers=tuple(Marker(**m.model_dump()) for m in f.markers),
         covariance=None if f.covariance is None else _square(f.covariance),
         motion=None if f.motion is None else _motion(f.motion),
+        wobble=None if f.wobble is None else Wobble(**f.wobble.model_dump()),
         evidence=f.evidence,
     )
 
@@ -188,6 +198,10 @@ def _motion_text(m: TableMotion) -> dict[str, Any]:
         "backlash": m.backlash,
         "covariance": None if m.covariance is None else m.covariance.tolist(),
     }
+
+
+def _wobble_text(w: Wobble) -> dict[str, Any]:
+    return {name: getattr(w, name).tolist() for name in ("tilt", "shift", "rise")}
 
 
 def _square(rows: tuple[tuple[float, ...], ...]) -> Any:

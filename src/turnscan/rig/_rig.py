@@ -13,11 +13,14 @@ from turnscan.picture import card
 from turnscan.rig._camera import Camera
 from turnscan.rig._drawing import Beam, views
 from turnscan.rig._motion import TableMotion
-from turnscan.rig._pose import Pose, rotation_from_vector
+from turnscan.rig._pose import Pose, rotation_from_vector, rotation_z
 from turnscan.rig._sheet import LaserSheet
+from turnscan.rig._wobble import NAMES, Wobble
 
 _CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "tilt_x", "tilt_y")
 _SHEET = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
+WOBBLE = tuple(f"table.wobble_{name}" for name in NAMES)
+"""Names of the parameters of `Rig.wobble`."""
 _TABLE = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
 
@@ -56,6 +59,9 @@ class Rig:
     """False before the axis is calibrated: ``T_camera_table`` then says nothing."""
     motion: TableMotion | None = None
     """The table's own errors, where nothing measured its angle; None where none are known."""
+    wobble: Wobble | None = None
+    """How the axis itself moves while the table turns; None where nothing is known of it. Where
+    there is one it has its part of `covariance`."""
     evidence: tuple[str, ...] = ()
     """Digests of the scans that refined it, none of which may count again."""
 
@@ -73,7 +79,9 @@ class Rig:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the rig's free parameters, in the order of `covariance` and `perturbed`."""
         sheets = tuple(f"{s.name}.{p}" for s in self.sheets for p in _SHEET)
-        return tuple(f"camera.{p}" for p in _CAMERA) + sheets + tuple(f"table.{p}" for p in _TABLE)
+        wobble = () if self.wobble is None else WOBBLE
+        table = tuple(f"table.{p}" for p in _TABLE)
+        return tuple(f"camera.{p}" for p in _CAMERA) + sheets + wobble + table
 
     @property
     def lacking(self) -> tuple[str, ...]:
@@ -132,12 +140,25 @@ class Rig:
         rise = (eye - centre)[2] / up[2] if abs(up[2]) > 1e-6 else 0.0
         return self.T_camera_table.apply(centre + away * along + rise * up)
 
+    def turning(self, angle: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Rotations (..., 3, 3) and shifts, mm, that take the object's frame to the table frame at
+        rest at true table angles (...) rad, the axis's own motion included.
+
+        Shifts are (..., 3), or (3,) zeros where nothing is known of such a motion.
+        """
+        turned = rotation_z(angle)
+        if self.wobble is None:
+            return turned, np.zeros(3)
+        tilted, shift = self.wobble.motion(angle)
+        return tilted @ turned, shift
+
     def perturbed(self, delta: npt.ArrayLike) -> Rig:
         """The rig with its parameters moved by ``delta`` (p,), in the order of `parameter_names`.
 
         Camera parameters and bows add. A sheet turns about its centre by ``turn_along`` about e₁
         and ``turn_across`` about e₂ (radians), then shifts by ``offset`` mm along its normal. The
         table frame turns by the rotation vector ``turn`` (radians) and shifts (mm) in camera axes.
+        Those of `wobble` add.
         """
         d = frozen(delta, (len(self.parameter_names),), "delta")
         k = len(_CAMERA)
@@ -155,9 +176,15 @@ class Rig:
         for s in self.sheets:
             sheets.append(_moved_sheet(s, d[k : k + len(_SHEET)]))
             k += len(_SHEET)
+        wobble = self.wobble
+        if wobble is not None:
+            wobble = Wobble.of(wobble.values + d[k : k + len(WOBBLE)])
+            k += len(WOBBLE)
         T = self.T_camera_table
         moved = Pose(rotation_from_vector(d[k : k + 3]) @ T.rotation, T.translation + d[k + 3 :])
-        return replace(self, camera=camera, sheets=tuple(sheets), T_camera_table=moved)
+        return replace(
+            self, camera=camera, sheets=tuple(sheets), T_camera_table=moved, wobble=wobble
+        )
 
 
 def _moved_sheet(sheet: LaserSheet, d: Floats) -> LaserSheet:
