@@ -87,6 +87,8 @@ class View:
         angles = np.array([done[k][1] for k in good], np.float64)
         stripes = tuple(done[k][2] for k in good)
         shaky = np.array([done[k][3] for k in good], np.float64)
+        told = int(np.count_nonzero(np.isnan(shaky)))
+        findings += points.wobble_findings(self.laser, self.rig, len(shaky), told)
         if self.rig.motion is not None:
             # An angle that was measured has an uncertainty; one that a motor reached has none.
             angles, shaky = moved(self.rig.motion, angles, shaky, np.isnan(shaky))

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.calibrate import Part, Sweep
 from turnscan.mesh import Mesh
-from turnscan.rig import Camera, LaserSheet, Pose, Rig, TableMotion, rotation_z
+from turnscan.rig import Camera, LaserSheet, Pose, Rig, TableMotion
 
 Body = Callable[[Floats], Floats]
 """Points (n, 3) of the object's frame → (n,) mm outside of it."""
@@ -123,19 +123,21 @@ def swept(
         sheet, back = rig.sheet(laser), rig.T_camera_table.inverse()
         return back.apply(sheet.intersect(rig.camera.rays(pixels)))
 
-    def outside(turn: Floats, u: Floats, v: Floats) -> Floats:
-        return body(meets(np.stack([u, v], axis=-1)) @ turn)
+    def outside(stands: tuple[Floats, Floats], u: Floats, v: Floats) -> Floats:
+        turn, shift = stands
+        return body((meets(np.stack([u, v], axis=-1)) - shift) @ turn)
 
     X = meets(np.stack(np.meshgrid(u, v), axis=-1))
     pixels, steps = [], []
     for k, angle in enumerate(true):
-        f = body(X @ rotation_z(angle))
+        turn, shift = stands = rig.turning(angle)
+        f = body((X - shift) @ turn)
         f = np.where((X[..., 2] > heights[0]) & (X[..., 2] < heights[1]), f, 1e3)
         into = (f[:, :-1] > 0) != (f[:, 1:] > 0)
         near = (np.abs(f[:, :-1]) < 900) & (np.abs(f[:, 1:]) < 900)
         row, col = np.nonzero(into & near)
         ends = (u[col], f[row, col]), (u[col + 1], f[row, col + 1])
-        place = _crossing(partial(outside, rotation_z(angle)), *ends, v[row])
+        place = _crossing(partial(outside, stands), *ends, v[row])
         at = meets(np.stack([place, v[row]], axis=-1))
         order = np.lexsort((rig.T_camera_table.apply(at)[:, 2], row))
         _, first = np.unique(row[order], return_index=True)

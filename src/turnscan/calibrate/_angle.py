@@ -10,7 +10,7 @@ import numpy as np
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate._markers import detect_markers
 from turnscan.findings import Finding
-from turnscan.rig import Rig, rotation_z
+from turnscan.rig import Rig
 
 _ROUNDS = 15
 _HUBER = 2.0
@@ -177,7 +177,8 @@ def _refine(
     T = rig.T_camera_table
 
     def project(a: float) -> Floats:
-        return rig.camera.project(T.apply(points @ rotation_z(a).T))
+        turn, shift = rig.turning(a)
+        return rig.camera.project(T.apply(points @ turn.T + shift))
 
     small = 1e-5
     weight = np.ones_like(pixels)

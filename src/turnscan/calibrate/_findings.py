@@ -13,6 +13,7 @@ from turnscan.calibrate._rig import Calibration
 from turnscan.calibrate._words import parameter_in_words
 from turnscan.findings import Finding
 from turnscan.remedy import Option, Remedy
+from turnscan.rig import WOBBLE, Wobble
 
 _SURE = 3.0  # standard deviations
 _CORRELATED = 0.95
@@ -157,6 +158,8 @@ def _of_table(c: Calibration, f: CalibrationQuality) -> list[Finding]:
     out = []
     if f.table_rms_px > _TABLE_PX:
         out.append(_table_residual(c, f.table_rms_px))
+    if c.rig.wobble is not None and "table" in c.stages.given:
+        out.append(_axis_moves(c, c.rig.wobble))
     if not isinstance(layout, MarkerLayout) or f.marker_side_mm is None:
         return out
     nominal = c.settings.marker_side
@@ -212,6 +215,43 @@ def _table_residual(c: Calibration, rms: float) -> Finding:
         where=named,
         remedy="check that camera, markers and board did not move between the pictures",
     )
+
+
+def _axis_moves(c: Calibration, wobble: Wobble) -> Finding:
+    assert c.rig.covariance is not None
+    at = c.rig.parameter_names.index(WOBBLE[0])
+    parts = list[str]()
+    for what, first, factor, unit in (
+        ("tilts by", 0, np.degrees(1.0), "°"),
+        ("shifts by", 2, 1.0, " mm"),
+        ("rises and falls by", 4, 1.0, " mm"),
+    ):
+        some = slice(at + first, at + first + 2)
+        value, C = wobble.values[first : first + 2], c.rig.covariance[some, some]
+        size = float(np.linalg.norm(value))
+        if size > 0.0:
+            error = float(np.sqrt(value @ C @ value)) / size
+            parts.append(f"{what} {factor * size:.3f} ± {factor * error:.3f}{unit}")
+    rim = _rim(c)
+    return Finding(
+        "calibrate.axis-moves",
+        "note",
+        f"the axis itself moves once in a turn: it {', '.join(parts)}, which puts places {rim:.0f} "
+        f"mm from it up to {wobble.reach(rim):.2f} mm off; this is part of the rig, and is undone "
+        "in scans",
+        remedy="scans whose angles are not read from markers must begin where the first picture of "
+        "the table was taken; look for play in the bearing",
+    )
+
+
+def _rim(c: Calibration) -> float:
+    """mm from the axis to the farthest of what is fixed to the table."""
+    layout = c.fit.state.layout
+    if isinstance(layout, MarkerLayout):
+        return float(np.linalg.norm(layout.squares[:, :2], axis=1).max())
+    assert layout is not None
+    corners, _ = layout.points(np.arange(len(layout.board.points), dtype=np.int32))
+    return float(np.hypot(corners[:, 0], corners[:, 1]).max())
 
 
 def _platter(c: Calibration, layout: MarkerLayout, reach: float) -> list[Finding]:

@@ -8,12 +8,12 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
-from turnscan.rig import WOBBLE
 from turnscan.calibrate._words import (
     parameter_in_words,
     uncertainty_in_words,
     value_in_words,
 )
+from turnscan.rig import WOBBLE
 
 _BOW = ("aa", "ab", "bb")
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from turnscan.arrays import Floats
 from turnscan.calibrate._residuals import CAMERA_SIZE
 from turnscan.calibrate._sweeps import Sweep, turned_back
-from turnscan.rig import Camera, LaserSheet, Pose, Rig
+from turnscan.rig import WOBBLE, Camera, LaserSheet, Pose, Rig, wobble_slopes
 
 _NUDGE = 1e-4
 """Of the parameters of a lens, whose rays have no derivative in a formula; of the focal length, in
@@ -66,13 +66,25 @@ def point_slopes(
         out[:, j] = arm @ _CROSS[axis] if columns[j] < p - 3 else -_AXES[axis]
     step = np.tile(sweep.step, len(rays) // max(len(sweep.step), 1))
     angle = sweep.turned(rig)[step]
-    back = turned_back(out @ T.rotation, angle[:, None])
-    at = turned_back(arm @ T.rotation, angle)
+    # Slopes to first order in the axis's own motion.
+    out = out @ T.rotation
+    at = sweep.righted((arm @ T.rotation).reshape(-1, len(sweep.step), 3), rig).reshape(-1, 3)
+    inner = np.flatnonzero((columns >= p - 6 - _wobbles(rig)) & (columns < p - 6))
+    if len(inner):
+        turns, shifts = (s[:, columns[inner] - p + 12] for s in wobble_slopes(angle))
+        out[:, inner] = -np.cross(turns, at[:, None]) - shifts
+    back = turned_back(out, angle[:, None])
+    at = turned_back(at, angle)
     inner = np.flatnonzero((columns >= p) & (columns < p + q))
     if len(inner) and sweep.moved:
         by = rig.motion.slopes(sweep.angles)[:, columns[inner] - p][step]
         back[:, inner] = by[:, :, None] * np.stack([at[:, 1], -at[:, 0], 0 * at[:, 2]], 1)[:, None]
     return _laid(sweep, poses, at, back, columns - p - q)
+
+
+def _wobbles(rig: Rig) -> int:
+    """How many parameters the axis's own motion has."""
+    return 0 if rig.wobble is None else len(WOBBLE)
 
 
 def _laid(sweep: Sweep, poses: tuple[Pose, ...], at: Floats, by: Floats, columns: Index) -> Floats:

@@ -16,6 +16,7 @@ from turnscan.calibrate._state import board_stripe, platter_stripe
 from turnscan.rig import Rig
 
 _CELLS = (8, 6)
+_QUARTERS = np.arange(4) * np.pi / 2
 
 
 @dataclass(frozen=True)
@@ -132,17 +133,22 @@ def measured_uncertainty(
     point = min(points, key=lambda x: float(np.linalg.norm(T.apply(x))))
     pixel = rig.camera.project(T.apply(point))[None]
 
+    # At all table angles alike, unless the axis itself moves as the table turns.
+    turns = np.zeros(1) if rig.wobble is None else _QUARTERS
+
     def measure(r: Rig) -> Floats:
-        X = r.T_camera_table.inverse().apply(r.sheet(laser).intersect(r.camera.rays(pixel)))[0]
-        return np.array([np.hypot(X[0], X[1]), X[2]])
+        X = r.T_camera_table.inverse().apply(r.sheet(laser).intersect(r.camera.rays(pixel)))
+        turn, shift = r.turning(turns)
+        X = np.einsum("kji,kj->ki", turn, X - shift)
+        return np.stack([np.hypot(X[:, 0], X[:, 1]), X[:, 2]])
 
     sigma = np.sqrt(np.diag(rig.covariance))
-    J = np.zeros((2, len(sigma)))
+    J = np.zeros((2, len(turns), len(sigma)))
     for k in np.flatnonzero(sigma):
         step = np.zeros(len(sigma))
         step[k] = 1e-3 * sigma[k]
-        J[:, k] = (measure(rig.perturbed(step)) - measure(rig.perturbed(-step))) / (2 * step[k])
-    variance = np.diag(J @ rig.covariance @ J.T)
+        J[..., k] = (measure(rig.perturbed(step)) - measure(rig.perturbed(-step))) / (2 * step[k])
+    variance = np.einsum("qki,ij,qkj->qk", J, rig.covariance, J).mean(axis=1)
     if not np.isfinite(variance).all():
         return None
     return float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))

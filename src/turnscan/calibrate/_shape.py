@@ -8,7 +8,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.calibrate._sweeps import Sweep
-from turnscan.rig import Rig, rotation_z
+from turnscan.rig import Rig
 
 _ACROSS, _TURNS = 5, 6
 """Places along each side of the part of the picture that saw the part, and turns of the table."""
@@ -56,8 +56,9 @@ def places_of(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:
         X = rig.T_camera_table.inverse().apply(
             rig.sheet(sweep.laser).intersect(rig.camera.rays(grid))
         )
-        turns = rotation_z(-np.arange(_TURNS) * 2 * np.pi / _TURNS)
-        out.append(np.einsum("kij,nj->kni", turns, X).reshape(-1, 3))
+        turns, shifts = rig.turning(np.arange(_TURNS) * 2 * np.pi / _TURNS)
+        at = X - np.broadcast_to(shifts, (_TURNS, 3))[:, None]
+        out.append(np.einsum("kji,knj->kni", turns, at).reshape(-1, 3))
     return np.concatenate(out) if out else np.zeros((0, 3))
 
 

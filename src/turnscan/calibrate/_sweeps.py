@@ -65,7 +65,15 @@ class Sweep:
         pixel, (k, n, 3), for points (k, n, 3)."""
         T, angles = rig.T_camera_table, self.turned(rig)
         X = (rig.sheet(self.laser).intersect(rays) - T.translation) @ T.rotation
-        return turned_back(X, angles[self.step])
+        return turned_back(self.righted(X, rig), angles[self.step])
+
+    def righted(self, points: Floats, rig: Rig) -> Floats:
+        """Points (..., n, 3) mm in the table frame at rest without the axis's own motion."""
+        if rig.wobble is None:
+            return points
+        tilt, shift = rig.wobble.motion(self.turned(rig)[self.step])
+        back: Floats = np.einsum("nji,...nj->...ni", tilt, points - shift)
+        return back
 
     def doubt(self, rig: Rig) -> float:
         """How far, mm rms, the rig's uncertainty puts its points beside their places; 0 without."""

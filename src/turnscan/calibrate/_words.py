@@ -84,7 +84,11 @@ def unit_of(name: str) -> tuple[float, str]:
     """What a parameter is multiplied with to be read, and the unit that follows the number; empty
     for a number without one."""
     of, _, what = name.rpartition(".")
-    if of == "motion" or what.startswith(("turn_", "tilt_", "wobble_tilt")) or what.endswith("angle"):
+    if (
+        of == "motion"
+        or what.startswith(("turn_", "tilt_", "wobble_tilt"))
+        or what.endswith("angle")
+    ):
         return math.degrees(1.0), "°"
     if of == "camera":
         return 1.0, " px" if what in _PIXELS else ""

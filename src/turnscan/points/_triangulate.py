@@ -58,10 +58,16 @@ def _movement(
 def to_object(rig: Rig, points_camera: npt.ArrayLike, angle: npt.ArrayLike) -> Floats:
     """Points (..., 3) mm in the camera frame → the object's frame, the table frame at angle 0.
 
-    ``angle`` in radians broadcasts against the leading axes: x_object = Rz(−angle) T_table_camera.
+    ``angle`` in radians broadcasts against the leading axes: x_object = Rz(−angle) T_table_camera,
+    after the axis's own motion, if the rig has one, is undone.
     """
     table = rig.T_camera_table.inverse().apply(points_camera)
-    turned: Floats = np.einsum("...ij,...j->...i", rotation_z(-np.asarray(angle)), table)
+    if rig.wobble is None:
+        turn = rotation_z(-np.asarray(angle))
+    else:
+        forth, shift = rig.turning(angle)
+        turn, table = np.swapaxes(forth, -1, -2), table - shift
+    turned: Floats = np.einsum("...ij,...j->...i", turn, table)
     return turned
 
 
@@ -147,7 +153,8 @@ def pixel_moves(
 
 def pixels_of(rig: Rig, points: Floats, angles: Floats) -> Floats:
     """Where the camera sees points (m, 3) of the object at table angles (m,): pixels (m, 2)."""
-    turned = np.einsum("mij,mj->mi", rotation_z(angles), points)
+    turn, shift = rig.turning(angles)
+    turned = np.einsum("mij,mj->mi", turn, points) + shift
     pixels: Floats = rig.camera.project(rig.T_camera_table.apply(turned))
     return pixels
 

@@ -15,7 +15,7 @@ from turnscan.arrays import Floats, Longs
 from turnscan.detection import View
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
-from turnscan.rig import Rig, rotation_z
+from turnscan.rig import Rig
 from turnscan.stripes import Candidates, Stripe, StripeFlag
 from turnscan.surface.holes import CAUSE_WORDS, Cause
 from turnscan.workflows._session._mesh import Arrays
@@ -198,7 +198,8 @@ def _seen_at(rig: Rig, profile: Floats, angle: float, orientation: str) -> Float
     """(n,) px across the stripe at which the camera sees each point (n, 3) of a profile."""
     there = ~np.isnan(profile[:, 0])
     out = np.full(len(profile), np.nan)
-    table = profile[there] @ rotation_z(angle).T
+    turn, shift = rig.turning(angle)
+    table = profile[there] @ turn.T + shift
     pixels = rig.camera.project(rig.T_camera_table.apply(table))
     out[there] = pixels[:, 0 if orientation == "vertical" else 1]
     return out

@@ -15,7 +15,7 @@ from turnscan.detection import moved
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress
-from turnscan.rig import Pose, Rig, rotation_z
+from turnscan.rig import Pose, Rig
 from turnscan.scan import Scan
 from turnscan.texture import Colours, TexturePicture, colours_of, texture_findings
 
@@ -86,7 +86,7 @@ def colours(
         for k, s in enumerate(sources):
             white = _white(s.scan, steps[k])
             for step in steps[k]:
-                table = s.rig.T_camera_table @ Pose(rotation_z(known[k][step]), np.zeros(3))
+                table = s.rig.T_camera_table @ Pose(*s.rig.turning(known[k][step]))
                 seen = s.scan.texture(step).lit
                 yield TexturePicture(seen, s.rig.camera, table @ s.pose.inverse(), white)
                 tick()
