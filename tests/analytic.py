@@ -84,7 +84,7 @@ def scan_shape(
     n, size = len(passes), len(turns)
     hit, first = np.zeros((size, n), dtype=np.bool_), np.zeros((size, n), dtype=np.intp)
     for k, angle in enumerate(turns):
-        f = shape(_turned(passes, angle))
+        f = shape(_turned(rig, passes, angle))
         with np.errstate(invalid="ignore"):
             entered = (f[:, :-1] > 0) & (f[:, 1:] <= 0)
         hit[k], first[k] = entered.any(axis=1), entered.argmax(axis=1)
@@ -124,8 +124,11 @@ def _point(rig: Rig, sheet: LaserSheet, u: Floats, line: np.ndarray) -> Floats:
     return sheet.intersect(rig.camera.rays(np.stack([u, line], axis=-1)))
 
 
-def _turned(points: Floats, angle: float) -> Floats:
+def _turned(rig: Rig, points: Floats, angle: float) -> Floats:
     """Points of the table frame in the object's, the table at an angle."""
+    if rig.wobble is not None:
+        turn, shift = rig.turning(angle)
+        return np.asarray((points - shift) @ turn)
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
@@ -153,7 +156,9 @@ def _leans_right(rig: Rig, sheet: LaserSheet) -> bool:
 
 def _seen(rig: Rig, shape: Shape, points: Floats, angle: float) -> np.ndarray:
     """True where nothing of the shape stands between the camera and points of the table frame."""
-    eye, there = (_turned(X, angle) for X in (rig.T_camera_table.inverse().translation, points))
+    eye, there = (
+        _turned(rig, X, angle) for X in (rig.T_camera_table.inverse().translation, points)
+    )
     part = np.linspace(0.3, 0.999, 200)[:, None, None]
     return np.asarray((shape(eye + part * (there - eye)) > 0).all(axis=0))
 

@@ -37,9 +37,11 @@ from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress
 from turnscan.rig import (
+    WOBBLE,
     Pose,
     Rig,
     TableMotion,
+    Wobble,
     rig_from_json,
     rig_to_json,
     rotation_from_vector,
@@ -281,6 +283,35 @@ def test_a_round_part_about_the_axis_tells_nothing_of_the_table() -> None:
     sweeps = both(rig, cylinder((0.0, 0.0), 15.0), told, eccentric().angle(told), 2, every=8)
     done = refine(rig, sweeps, QUICK)
     assert "motion.sin1" not in done.estimated
+
+
+def test_an_axis_that_moves_is_undone_and_kept() -> None:
+    """Two lasers see a hexagon beside the axis; the rig knows how its axis moves to 0.02 mm."""
+    moves = Wobble.of([4e-3, -2e-3, 0.4, 0.2, 0.2, -0.3])
+    true = replace(two_lasers(), wobble=moves)
+    sweeps = both(true, prism((5.0, 2.0), 40.0), STEPS, STEPS, 1, every=8)
+    sigma = np.zeros(len(true.parameter_names))
+    for name, s in zip(WOBBLE, [3e-4, 3e-4, 0.02, 0.02, 0.02, 0.02], strict=True):
+        sigma[true.parameter_names.index(name)] = s
+    sigma[true.parameter_names.index("left.offset")] = 0.05
+    begin = true.perturbed(sigma * np.random.default_rng(3).choice([-1.0, 1.0], len(sigma)))
+    done = refine(replace(begin, covariance=np.diag(sigma**2)), sweeps, QUICK)
+    assert done.gap_before > 1.1 * done.gap_after
+    assert 0.8 < done.gap_after / done.gap_noise < 1.1
+    assert done.rig.wobble is not None
+    assert done.rig.covariance is not None
+    left = np.sqrt(np.diag(done.rig.covariance))
+    first = true.parameter_names.index(WOBBLE[0])
+    mine = slice(first, first + 6)
+    assert (left[mine] <= 1.01 * sigma[mine]).all()
+    assert left[mine].min() < 0.5 * sigma[mine].max()
+    assert (np.abs(done.rig.wobble.values - moves.values) < 3.5 * left[mine]).all()
+    # A rig that does not know of it: a table of other angles is no explanation.
+    still = replace(
+        two_lasers(), covariance=np.diag(np.delete(sigma, np.arange(first, first + 6)) ** 2)
+    )
+    with pytest.raises(Degenerate, match="no rig near this one explains the scan"):
+        refine(still, sweeps, QUICK)
 
 
 def test_motion_stays_in_the_rig_file() -> None:

@@ -98,17 +98,21 @@ class World:
             T.rotation[:, 2], T.translation, np.arange(0.0, 480, 2), middle, 150, laser
         )
 
+    def stand(self, angle: float) -> tuple[Floats, Floats]:
+        """Rotation and shift of the table at a true angle, in its frame at rest."""
+        return self.rig.turning(angle)
+
     def rider_view(self, layout: MarkerLayout, angle: float, every: float = 3.0) -> RiderView:
         T = self.rig.T_camera_table
         points, _ = layout.points(layout.numbers)
-        turn, shift = self.rig.turning(angle)
+        turn, shift = self.stand(angle)
         px = self.noisy(self.rig.camera.project(T.apply(points @ turn.T + shift)))
         return RiderView(layout.numbers, px, (self.platter_stripe(layout, angle, every),))
 
     def platter_stripe(self, layout: MarkerLayout, angle: float, every: float = 3.0) -> StripeView:
         """The stripe on the warped platter, a centre every few rows, within 70 mm of the axis."""
         sheet = self.rig.sheets[0]
-        turn, shift = self.rig.turning(angle)
+        turn, shift = self.stand(angle)
         T = self.rig.T_camera_table @ Pose(turn, shift)
         axis = T.rotation[:, 2]
         along = np.cross(sheet.normal, axis)

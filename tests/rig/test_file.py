@@ -20,6 +20,7 @@ from turnscan.rig import (
     Marker,
     Pose,
     Rig,
+    Wobble,
     design_preset,
     rig_from_json,
     rig_hash,
@@ -67,6 +68,7 @@ markers = st.builds(
 def rigs(draw: Any) -> Rig:
     lasers = tuple(draw(st.lists(sheets, max_size=3, unique_by=lambda s: s.name)))
     rig = Rig(draw(cameras), lasers, draw(poses), tuple(draw(st.lists(markers, max_size=2))))
+    rig = replace(rig, wobble=draw(st.none() | st.builds(Wobble.of, _vector(6))))
     if draw(st.booleans()):
         p = len(rig.parameter_names)
         values = np.random.default_rng(draw(st.integers(0, 9))).normal(size=(p, p))
@@ -100,6 +102,24 @@ def test_a_rig_that_does_not_say_where_its_lasers_are_keeps_the_text_of_before()
     text = rig_to_json(design_preset("paper").rig(both=True))
     assert "source" not in text
     assert rig_from_json(text).sheets[0].source is None
+
+
+def test_a_rig_without_a_motion_of_its_axis_keeps_the_text_of_before() -> None:
+    rig = design_preset("paper").rig(both=True)
+    text = rig_to_json(rig)
+    assert "wobble" not in text
+    assert rig_from_json(text).wobble is None
+    assert not any("wobble" in name for name in rig.parameter_names)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("tilt", [0.0]), ("rise", [0.0, None]), ("lean", [0, 0])]
+)
+def test_a_motion_of_the_axis_that_is_none_is_refused_by_name(key: str, value: list[Any]) -> None:
+    body = _good()
+    body["wobble"] = {"tilt": [0.0, 0.0], "shift": [0.1, 0.0], "rise": [0.0, 0.0], key: value}
+    with pytest.raises(FormatError, match=f"wobble.{key}"):
+        rig_from_json(json.dumps(body))
 
 
 def _good() -> dict[str, Any]:

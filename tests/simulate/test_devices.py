@@ -11,7 +11,9 @@ import pytest
 from turnscan.calibrate import detect_board, parse_board
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
+from turnscan.rig import Pose, rotation_from_vector, rotation_z
 from turnscan.simulate import Simulated, SimulationSpec, bench, simulated, spec_of
+from turnscan.simulate._motion import Motion
 from turnscan.simulate._render import Renderer
 
 CUP = "sim:cylinder?seed=3&steps=8"
@@ -236,3 +238,44 @@ def test_the_back_of_a_board_is_blank() -> None:
     front, back = shot(d, 0.0), shot(d, math.pi)
     middle = (slice(200, 280), slice(280, 360))
     assert front[middle].std() > 4 * back[middle].std()
+
+
+def test_a_table_that_leans_and_runs_in_a_circle_carries_the_part_as_one() -> None:
+    """What goes round with the table is one place of the part on it, at all angles; what the axis
+    itself does is not."""
+    easy = Motion(wobble=0.01, runout=0.4)
+    first = easy.pose(0.0)
+    for a in np.arange(0.5, 6.0, 0.5):
+        back = Pose(rotation_z(-a), np.zeros(3)) @ easy.pose(a)
+        assert back.rotation == pytest.approx(first.rotation, abs=1e-12)
+        assert back.translation == pytest.approx(first.translation, abs=1e-12)
+    assert first.translation == pytest.approx([0.4, 0.0, 0.0])
+    hard = Motion(axis_tilt=0.01, axis_shift=0.4, axial=0.3)
+    for a in (0.0, 1.0, 4.0):
+        pose = hard.pose(a)
+        tilt = rotation_from_vector(0.01 * np.array([np.cos(a), -np.sin(a), 0.0]))
+        assert pose.rotation == pytest.approx(tilt @ rotation_z(a), abs=1e-12)
+        shift = [0.4 * np.cos(a), -0.4 * np.sin(a), 0.3 * np.cos(a)]
+        assert pose.translation == pytest.approx(shift, abs=1e-12)
+
+
+def test_the_axis_errors_of_an_address_are_in_its_pictures() -> None:
+    motion = spec_of("sim:cylinder?axis_tilt_deg=0.1&axis_shift=-0.2&axial=0.3")[0].motion
+    assert motion.axis_tilt == pytest.approx(math.radians(0.1))
+    assert (motion.axis_shift, motion.axial) == (-0.2, 0.3)
+    with pytest.raises(InputError, match="axial"):
+        spec_of("sim:cylinder?axial=inf")
+    with pytest.raises(ValueError, match=r"Motion\.axis_shift"):
+        Motion(axis_shift=math.nan)
+    tops = []
+    for address in (CUP, CUP + "&axial=3"):
+        d = simulated(address)
+        d.camera.configure(d.seconds, 1.0)
+        for angle in (0.0, math.pi):
+            lit, dark = (shot(d, angle, *names).astype(float) for names in (("right",), ()))
+            rows = (lit - dark).max(axis=1) if lit.ndim == 2 else (lit - dark).max(axis=(1, 2))
+            tops.append(int(np.flatnonzero(rows > 40)[0]))
+    T, camera = d.world.bench.rig.T_camera_table, d.world.bench.rig.camera
+    px = 3.0 * camera.fy / float(np.linalg.norm(T.translation))
+    assert tops[0] - tops[2] == pytest.approx(px, rel=0.3)
+    assert tops[3] - tops[1] == pytest.approx(px, rel=0.3)

@@ -228,8 +228,9 @@ def _drawn(rig: Rig, free: Bools, k: int) -> Floats:
 def _like(begin: Rig, rig: Rig) -> Rig:
     """``rig`` with camera, sheets and table of another."""
     return replace(
-        rig, camera=begin.camera, sheets=begin.sheets, T_camera_table=begin.T_camera_table
-    )
+        rig, camera=begin.camera, sheets=begin.sheets, T_camera_table=begin.T_camera_table,
+        wobble=begin.wobble,
+    )  # fmt: skip
 
 
 def refuse_strayed(known: Rig, rig: Rig, body: str = "") -> None:

@@ -74,17 +74,29 @@ def point_slopes(
         turns, shifts = (s[:, columns[inner] - p + 12] for s in wobble_slopes(angle))
         out[:, inner] = -np.cross(turns, at[:, None]) - shifts
     back = turned_back(out, angle[:, None])
+    spin = turned_back(_drift(rig, angle, at), angle)
     at = turned_back(at, angle)
+    spin += np.stack([at[:, 1], -at[:, 0], np.zeros(len(at))], axis=1)
     inner = np.flatnonzero((columns >= p) & (columns < p + q))
     if len(inner) and sweep.moved:
         by = rig.motion.slopes(sweep.angles)[:, columns[inner] - p][step]
-        back[:, inner] = by[:, :, None] * np.stack([at[:, 1], -at[:, 0], 0 * at[:, 2]], 1)[:, None]
+        back[:, inner] = by[:, :, None] * spin[:, None]
     return _laid(sweep, poses, at, back, columns - p - q)
 
 
 def _wobbles(rig: Rig) -> int:
     """How many parameters the axis's own motion has."""
     return 0 if rig.wobble is None else len(WOBBLE)
+
+
+def _drift(rig: Rig, angle: Floats, at: Floats) -> Floats:
+    """(m, 3) mm: how points ``at`` (m, 3) of the table frame move back with the axis's own motion,
+    for each rad of the table's angle (m,)."""
+    if rig.wobble is None:
+        return np.zeros_like(at)
+    # It is a wave of the angle: its slope is what it is a quarter of a turn on.
+    turn, shift = (rig.wobble.values @ s for s in wobble_slopes(angle + np.pi / 2))
+    return np.asarray(-np.cross(turn, at) - shift)
 
 
 def _laid(sweep: Sweep, poses: tuple[Pose, ...], at: Floats, by: Floats, columns: Index) -> Floats:

@@ -6,11 +6,10 @@ docs/explain/calibration.md has the motion, docs/decisions/0046-wobble.md why it
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools
 from turnscan.calibrate._adjust import Fit, adjust, one_step
 from turnscan.calibrate._observations import RigNetwork
 from turnscan.calibrate._procedure import Stages
@@ -23,10 +22,6 @@ needed to see that it is not."""
 _FEWEST, _WIDEST = 8, np.radians(100.0)
 """Pictures of the table that tell a motion once per turn from one that stands still or goes round
 with the table, and the largest gap between their angles."""
-_SHIFT, _RISE = (2, 3), (4, 5)
-_GROUPS = (_SHIFT, _RISE, (*_SHIFT, *_RISE), (0, 1, *_SHIFT), (0, 1, *_SHIFT, *_RISE))
-"""Parameters that are kept together, by their place in `WOBBLE`. An axis that tilts does so about a
-bearing somewhere below, so that it shifts at the platter, too."""
 
 
 def with_wobble(
@@ -35,9 +30,10 @@ def with_wobble(
     """The fit with the axis's own motion where the pictures of the table ask for it, and its
     network; both as they were where they do not.
 
-    Of all sets of parameters (`_GROUPS`) that is taken which Bayes' information criterion prefers,
-    by what leaving the others out costs (Wald's statistic, with the covariance as it is widened for
-    what a picture's errors have in common).
+    All six parameters are kept, or none: those that the pictures say little of, as what goes along
+    the line of sight to a board without a stripe, then have an uncertainty that says so. Wald's
+    statistic, with the covariance as it is widened for what a picture's errors have in common, is
+    what they lower χ² by; Bayes' information criterion asks for 6·ln n of n observations.
     """
     if "table" not in stages.given or not _seen_all_round(fit.state):
         return fit, network
@@ -46,7 +42,7 @@ def with_wobble(
     state = replace(fit.state, rig=rig)
     was = dict(zip(network.names, free, strict=True))
     every = np.array([was.get(name, True) for name in wide.names])
-    count = np.log(sum(len(b.residual) for b in fit.blocks))
+    count = float(np.log(sum(len(b.residual) for b in fit.blocks)))
     at = wide.names.index(WOBBLE[0])
     own = slice(at, at + len(WOBBLE))
     near = replace(fit, state=state, blocks=tuple(wide.blocks(state)))
@@ -54,31 +50,10 @@ def with_wobble(
     if (np.abs(moved[own]) < HOPELESS * np.sqrt(count) * sigma[own]).all():
         return fit, network
     most = adjust(wide, state, every, near=near)
-    kept = _preferred(most.state, most.covariance[own, own], float(count))
-    if not kept:
-        return fit, network
-    if len(kept) == len(WOBBLE):
-        return most, wide
-    every[own] = False
-    every[[at + k for k in kept]] = True
-    values = np.zeros(len(WOBBLE))
     assert most.state.rig.wobble is not None
-    values[list(kept)] = most.state.rig.wobble.values[list(kept)]
-    state = replace(most.state, rig=replace(most.state.rig, wobble=Wobble.of(values)))
-    return adjust(wide, state, every, near=most), wide
-
-
-def _preferred(state: State, covariance: Floats, count: float) -> tuple[int, ...]:
-    """The set of parameters with the least of Bayes' criterion; ``count`` is ln n."""
-    assert state.rig.wobble is not None
-    values = state.rig.wobble.values
-
-    def cost(kept: tuple[int, ...]) -> float:
-        out = [k for k in range(len(values)) if k not in kept]
-        lost = values[out] @ np.linalg.solve(covariance[np.ix_(out, out)], values[out])
-        return float(lost) + len(kept) * count
-
-    return min(chain(((),), _GROUPS), key=cost)
+    values = most.state.rig.wobble.values
+    gain = float(values @ np.linalg.solve(most.covariance[own, own], values))
+    return (most, wide) if gain > len(values) * count else (fit, network)
 
 
 def _seen_all_round(state: State) -> bool:
