@@ -5,8 +5,9 @@ from rendered pictures, then a ball bar), ``noise`` (of what is found in such pi
 (where the axis comes out, over draws), ``zscores`` (errors over the uncertainties stated, 100
 rigs), ``targetless`` (from a ruler to a rig by two lasers), ``poses`` (by one laser and a part in
 two poses), ``table`` (a table that is eccentric and has play), ``wobble`` (one whose axis moves
-in a turn), ``verify`` (drift, and 200 calibrations), ``stands`` (bodies that say enough of a rig, and too little), ``refused`` (set-ups
-and inputs that must be refused), ``real`` (pictures of real scanners, where they are) and ``time``.
+in a turn), ``verify`` (drift, and 200 calibrations), ``stands`` (bodies that say enough of a rig,
+and too little), ``refused`` (set-ups and inputs that must be refused), ``real`` (pictures of real
+scanners, where they are) and ``time``.
 ``--quick`` takes fewer seeds, and the paper rig alone; ``--write`` puts each part's table into
 docs/explain/calibration.md.
 """

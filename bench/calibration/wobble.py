@@ -7,8 +7,10 @@ such a table carries is then scanned, 72 steps, without noise: so the rig decide
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -17,10 +19,12 @@ from tests.calibrate.world import World, true_rig
 
 from bench.calibration._figures import Figure, at_most
 from bench.calibration._worlds import NOISE, USUAL, calibrated
+from bench.calibration.real import MOUSE
 from turnscan.arrays import Floats
 from turnscan.points import build_grid
-from turnscan.rig import WOBBLE, Rig, Wobble, rotation_from_vector
+from turnscan.rig import Rig, Wobble, rotation_from_vector
 from turnscan.stripes import Stripe
+from turnscan.workflows import CalibrationPictures, calibrate
 
 TILT, SHIFT, RISE = np.radians(0.1), 0.2, 0.1
 """rad, mm, mm: how much of each is drawn."""
@@ -28,6 +32,8 @@ STEPS = 72
 BOX = box((22.0, 14.0, 30.0), (6.0, -4.0, 32.0), 0.3)
 _FAR = 0.5
 """mm: a point that is farther off is no part of a face."""
+_RIM = 75.0
+"""mm from the axis: where the real table's markers are."""
 _GROUPS = (("tilt", 0), ("shift", 2), ("rise", 4))
 
 
@@ -49,6 +55,24 @@ def figures(quick: bool) -> Iterator[Figure]:
         told = f"rms {rms:.2f}, worst {worst:.2f} of {len(z)}, stated {stated}"
         yield Figure(f"{name} off, in its sigma, rms", "0.7 to 1.3", told, 0.7 <= rms <= 1.3)
     yield from _boxes(found[:5], [w for r, w in zip(made, true, strict=True) if r.wobble][:5])
+    if MOUSE.is_dir() and not quick:
+        yield _of_a_real_table()
+
+
+def _of_a_real_table() -> Figure:
+    """Whether the pictures of a real table, with four markers, ask for such a motion."""
+    with tempfile.TemporaryDirectory() as folder:
+        boards, lit, table = (MOUSE / n for n in ("camera-boards", "laser-boards", "empty-table"))
+        done = calibrate(
+            CalibrationPictures(str(boards), {"laser": str(lit)}, str(table)),
+            "chessboard:8x6:40",
+            Path(folder) / "rig.json",
+            markers="DICT_4X4_50:30",
+            table_step_deg=2.25,
+        )
+    w = done.rig.wobble
+    told = "not adopted" if w is None else f"adopted: {w.reach(_RIM):.3f} mm, {_RIM:g} mm from it"
+    return Figure("turntable-mouse, 160 pictures of the table: motion", "", told)
 
 
 def drawn(seed: int) -> Wobble:
@@ -75,7 +99,7 @@ def _pulls(rig: Rig, truth: Wobble) -> tuple[Floats, Floats]:
     """(6,) errors in their standard uncertainties, and these."""
     assert rig.wobble is not None
     assert rig.covariance is not None
-    k = rig.parameter_names.index(WOBBLE[0])
+    k = rig.parameter_names.index(Wobble.NAMES[0])
     sigma = np.sqrt(np.diag(rig.covariance)[k : k + 6])
     return (rig.wobble.values - truth.values) / sigma, sigma
 

@@ -19,6 +19,7 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.memory import give_back
 from turnscan.points import Volume
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, TableMotion
 from turnscan.scan import Frame, Scan, Stored, lit_in
 from turnscan.stripes import (
@@ -33,6 +34,8 @@ from turnscan.stripes import (
 )
 from turnscan.threads import thread_count
 
+_REACH = 50.0
+"""mm from the axis at which it is said how far its own motion puts places aside."""
 FLANKS = 24
 """px beyond the working volume in which a stripe is still seen, but does not count."""
 
@@ -88,7 +91,7 @@ class View:
         stripes = tuple(done[k][2] for k in good)
         shaky = np.array([done[k][3] for k in good], np.float64)
         told = int(np.count_nonzero(np.isnan(shaky)))
-        findings += points.wobble_findings(self.laser, self.rig, len(shaky), told)
+        findings += wobble_findings(self.laser, self.rig, len(shaky), told)
         if self.rig.motion is not None:
             # An angle that was measured has an uncertainty; one that a motor reached has none.
             angles, shaky = moved(self.rig.motion, angles, shaky, np.isnan(shaky))
@@ -166,6 +169,24 @@ def moved(
         np.where(told, motion.angle(angles), angles),
         np.where(told, motion.sigma(angles), sigmas),
     )
+
+
+def wobble_findings(laser: str, rig: Rig, angles: int, commanded: int) -> list[Finding]:
+    """Findings on a rig whose axis moves in a turn, where ``commanded`` of the ``angles`` are those
+    that a motor reached: whether they count from where the calibration's did, no picture says."""
+    if rig.wobble is None or not commanded:
+        return []
+    text = (
+        f"the axis of this rig moves once in a turn ({rig.wobble.reach(_REACH):.2f} mm, "
+        f"{_REACH:g} mm from it), and {commanded} of {angles} angles were not measured: they are "
+        "taken to count from where those of the calibration did"
+    )
+    remedy = Remedy(
+        "begin where the first picture of the calibrated table was taken, or read the angles from "
+        "markers with ",
+        Option("angles"),
+    )
+    return [Finding("points.wobble-start", "note", text, f"laser {laser}", remedy)]
 
 
 def look_through(

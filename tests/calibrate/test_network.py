@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.calibrate.world import SHAPE, World, true_layout, true_rig
+from tests.calibrate.world import SHAPE, World, problem, true_rig
 from turnscan.calibrate import CalibrationSettings, calibrate_rig, figures
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._findings import _of_camera
@@ -20,20 +20,6 @@ from turnscan.calibrate._start_table import start_markers
 from turnscan.calibrate._state import State
 from turnscan.errors import Degenerate
 from turnscan.rig import rotation_from_vector
-
-TURN = np.arange(0, 360, 15) * np.pi / 180
-
-
-def problem(seed: int, noise: float = 0.1, views: int = 14) -> tuple[RigNetwork, State, World]:
-    world = World(true_rig(), np.random.default_rng(seed), noise)
-    poses = world.board_poses(views)
-    half = views // 2
-    boards = tuple(world.board_view(T) for T in poses)
-    stripes = tuple(() if i < half else (world.board_stripe(T),) for i, T in enumerate(poses))
-    layout = true_layout()
-    table = tuple(world.rider_view(layout, a) for a in TURN)
-    network = RigNetwork(boards, stripes, table, ("laser",), layout.names)
-    return network, State(world.rig, layout, tuple(poses), TURN.copy()), world
 
 
 def away(state: State, network: RigNetwork) -> State:

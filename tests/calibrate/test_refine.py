@@ -37,7 +37,6 @@ from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress
 from turnscan.rig import (
-    WOBBLE,
     Pose,
     Rig,
     TableMotion,
@@ -291,7 +290,7 @@ def test_an_axis_that_moves_is_undone_and_kept() -> None:
     true = replace(two_lasers(), wobble=moves)
     sweeps = both(true, prism((5.0, 2.0), 40.0), STEPS, STEPS, 1, every=8)
     sigma = np.zeros(len(true.parameter_names))
-    for name, s in zip(WOBBLE, [3e-4, 3e-4, 0.02, 0.02, 0.02, 0.02], strict=True):
+    for name, s in zip(Wobble.NAMES, [3e-4, 3e-4, 0.02, 0.02, 0.02, 0.02], strict=True):
         sigma[true.parameter_names.index(name)] = s
     sigma[true.parameter_names.index("left.offset")] = 0.05
     begin = true.perturbed(sigma * np.random.default_rng(3).choice([-1.0, 1.0], len(sigma)))
@@ -301,7 +300,7 @@ def test_an_axis_that_moves_is_undone_and_kept() -> None:
     assert done.rig.wobble is not None
     assert done.rig.covariance is not None
     left = np.sqrt(np.diag(done.rig.covariance))
-    first = true.parameter_names.index(WOBBLE[0])
+    first = true.parameter_names.index(Wobble.NAMES[0])
     mine = slice(first, first + 6)
     assert (left[mine] <= 1.01 * sigma[mine]).all()
     assert left[mine].min() < 0.5 * sigma[mine].max()

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from tests.analytic import box, full_turn, scan_shape, with_noise
-from tests.calibrate.test_network import problem
-from tests.calibrate.world import World, true_layout, true_rig
+from tests.calibrate.world import World, problem, true_layout, true_rig
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
     BoardView,
@@ -35,7 +34,7 @@ from turnscan.calibrate._observations import RigNetwork
 from turnscan.calibrate._parameters import parameters_of
 from turnscan.calibrate._state import RiderView, State
 from turnscan.points import RangeGrid, build_grid, systematic_sigma
-from turnscan.rig import WOBBLE, Pose, Rig, Wobble, rotation_from_vector, rotation_z
+from turnscan.rig import Pose, Rig, Wobble, rotation_from_vector, rotation_z
 
 MOVES = Wobble(np.radians([0.05, -0.03]), np.array([0.08, 0.03]), np.array([0.03, -0.04]))
 WILD = Wobble.of(3.0 * MOVES.values)
@@ -78,7 +77,7 @@ def off(rig: Rig, truth: Wobble) -> tuple[Floats, Floats]:
     """(6,) errors of the parameters, and their covariance."""
     assert rig.wobble is not None
     assert rig.covariance is not None
-    k = rig.parameter_names.index(WOBBLE[0])
+    k = rig.parameter_names.index(Wobble.NAMES[0])
     return rig.wobble.values - truth.values, rig.covariance[k : k + 6, k : k + 6]
 
 
@@ -89,7 +88,7 @@ def test_derivatives_are_those_of_the_residuals(board: bool) -> None:
     network, state = replace(network, wobble=True), replace(state, rig=rig)
     own = [np.zeros(q) for q in network.own_sizes]
     blocks = network.blocks(state)
-    for name, size in zip(WOBBLE, (1e-5, 1e-5, *[1e-3] * 4), strict=True):
+    for name, size in zip(Wobble.NAMES, (1e-5, 1e-5, *[1e-3] * 4), strict=True):
         k = network.names.index(name)
         step = np.zeros(len(network.names))
         step[k] = size

@@ -9,12 +9,14 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.calibrate._board import Board, BoardView, Chessboard
 from turnscan.calibrate._layout import MarkerLayout, platter_powers
-from turnscan.calibrate._state import RiderView, StripeView
+from turnscan.calibrate._observations import RigNetwork
+from turnscan.calibrate._state import RiderView, State, StripeView
 from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_from_vector
 
 CAMERA = Camera(640, 480, 622.0, 620.0, 322.0, 238.0, np.array([0.12, -0.2, 0.0, 0.0, 0.0]))
 SHAPE = np.array([0.002, -0.001, 1e-5, -2e-5, 3e-5])
 BOARD = Chessboard(8, 6, 40.0)
+TURN = np.arange(0, 360, 15) * np.pi / 180
 
 
 def true_rig() -> Rig:
@@ -133,3 +135,16 @@ class World:
         u = np.interp(rows, px[order, 1], px[order, 0])
         u = u + self.noise * self.dice.standard_normal(len(u))
         return StripeView("laser", np.stack([u, rows], axis=1), np.array([1.0, 0.0]))
+
+
+def problem(seed: int, noise: float = 0.1, views: int = 14) -> tuple[RigNetwork, State, World]:
+    """Observations of a rig, and the state that is true."""
+    world = World(true_rig(), np.random.default_rng(seed), noise)
+    poses = world.board_poses(views)
+    half = views // 2
+    boards = tuple(world.board_view(T) for T in poses)
+    stripes = tuple(() if i < half else (world.board_stripe(T),) for i, T in enumerate(poses))
+    layout = true_layout()
+    table = tuple(world.rider_view(layout, a) for a in TURN)
+    network = RigNetwork(boards, stripes, table, ("laser",), layout.names)
+    return network, State(world.rig, layout, tuple(poses), TURN.copy()), world

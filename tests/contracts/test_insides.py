@@ -19,7 +19,7 @@ MOST_NAMES = {
     "mesh": 26,  # with samples of a surface, faces about vertices and areas, which other rooms had
     "points": 40,
     "poses": 17,  # with the ways in which a part that is alike from several sides fits
-    "rig": 26,
+    "rig": 27,  # with how the axis moves in a turn
     "scan": 28,
     "scanner": 22,
     "shapes": 47,  # with all common causes at once, and the parts of a volume, which solids have

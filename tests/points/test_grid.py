@@ -32,12 +32,11 @@ from turnscan.points import (
     whole_turns,
     widened,
     without,
-    wobble_findings,
     working_volume,
 )
 from turnscan.points._triangulate import beyond_axis
 from turnscan.remedy import Remedy
-from turnscan.rig import Marker, Pose, Rig, Wobble
+from turnscan.rig import Marker, Pose, Rig
 from turnscan.stripes import StripeFlag
 
 
@@ -82,16 +81,6 @@ def test_every_nth_profile():
     assert list(every(grid, 3).steps) == [0, 3, 6, 9]
     with pytest.raises(InputError, match="every 0 steps"):
         every(grid, 0)
-
-
-def test_of_an_axis_that_moves_it_is_said_that_angles_must_count_from_where_they_did() -> None:
-    rig = make_rig()
-    moves = replace(rig, wobble=Wobble(rise=np.array([0.03, 0.04])))
-    assert wobble_findings("L0", rig, 72, 72) == wobble_findings("L0", moves, 72, 0) == []
-    (said,) = wobble_findings("L0", moves, 72, 70)
-    assert (said.code, said.severity) == ("points.wobble-start", "note")
-    assert "0.05 mm, 50 mm from it" in said.message
-    assert "70 of 72 angles" in said.message
 
 
 def test_findings_tell_open_turns_uneven_steps_and_lost_frames():

@@ -10,15 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.analytic import make_rig
+from turnscan.detection import wobble_findings
 from turnscan.points import pixels_of, rig_moves, to_object
 from turnscan.rig import (
-    WOBBLE,
     Pose,
     Rig,
     Wobble,
     rotation_from_vector,
     rotation_z,
-    wobble_slopes,
 )
 
 small = st.floats(-2e-3, 2e-3)
@@ -52,7 +51,7 @@ def test_points_come_back_from_where_they_are_seen(w: Wobble, a: float) -> None:
 
 @given(wobbles, angles)
 def test_slopes_are_those_of_the_motion(w: Wobble, a: float) -> None:
-    turns, shifts = wobble_slopes(a)
+    turns, shifts = Wobble.slopes(a)
     for k in range(6):
         h = 1e-6 * np.eye(6)[k]
         (R1, s1), (R0, s0) = (Wobble.of(w.values + x).motion(a) for x in (h, -h))
@@ -109,7 +108,7 @@ def test_it_bends_what_a_table_that_leans_and_runs_in_a_circle_does_not() -> Non
 def test_its_uncertainty_moves_points() -> None:
     rig = replace(make_rig(elevation=0.4), wobble=Wobble())
     sigma = np.zeros(len(rig.parameter_names))
-    at = rig.parameter_names.index(WOBBLE[2])
+    at = rig.parameter_names.index(Wobble.NAMES[2])
     sigma[at] = 0.02
     rig = replace(rig, covariance=np.diag(sigma**2))
     turned = np.radians([0.0, 90.0, 180.0])
@@ -126,3 +125,13 @@ def test_reach_is_the_farthest_that_a_place_on_a_rim_is_off() -> None:
     assert Wobble(shift=np.array([0.03, 0.04])).reach(50.0) == pytest.approx(0.05)
     assert Wobble(tilt=np.array([1e-3, 0.0])).reach(50.0) == pytest.approx(0.05, rel=2e-3)
     assert Wobble().reach(50.0) == 0.0
+
+
+def test_of_an_axis_that_moves_it_is_said_that_angles_must_count_from_where_they_did() -> None:
+    rig = make_rig()
+    moves = replace(rig, wobble=Wobble(rise=np.array([0.03, 0.04])))
+    assert wobble_findings("L0", rig, 72, 72) == wobble_findings("L0", moves, 72, 0) == []
+    (said,) = wobble_findings("L0", moves, 72, 70)
+    assert (said.code, said.severity) == ("points.wobble-start", "note")
+    assert "0.05 mm, 50 mm from it" in said.message
+    assert "70 of 72 angles" in said.message

@@ -13,7 +13,7 @@ from turnscan.calibrate._rig import Calibration
 from turnscan.calibrate._words import parameter_in_words
 from turnscan.findings import Finding
 from turnscan.remedy import Option, Remedy
-from turnscan.rig import WOBBLE, Wobble
+from turnscan.rig import Wobble
 
 _SURE = 3.0  # standard deviations
 _CORRELATED = 0.95
@@ -219,7 +219,7 @@ def _table_residual(c: Calibration, rms: float) -> Finding:
 
 def _axis_moves(c: Calibration, wobble: Wobble) -> Finding:
     assert c.rig.covariance is not None
-    at = c.rig.parameter_names.index(WOBBLE[0])
+    at = c.rig.parameter_names.index(Wobble.NAMES[0])
     parts = list[str]()
     for what, first, factor, unit in (
         ("tilts by", 0, np.degrees(1.0), "°"),

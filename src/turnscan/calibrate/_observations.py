@@ -37,7 +37,7 @@ from turnscan.calibrate._state import (
     bulge,
     platter_stripe,
 )
-from turnscan.rig import WOBBLE, Pose, nearest_rotation, wobble_slopes
+from turnscan.rig import Pose, Wobble, nearest_rotation
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")
 BOARD, RIDER = "board corners", "table corners"
@@ -76,7 +76,7 @@ class RigNetwork:
         return (
             *(f"camera.{n}" for n in lens_names),
             *(f"{laser}.{n}" for laser in self.lasers for n in sheet),
-            *(WOBBLE if self.wobble else ()),
+            *(Wobble.NAMES if self.wobble else ()),
             *(f"table.{n}" for n in table),
             *self.layout_names,
             *BEND,
@@ -259,13 +259,13 @@ class RigNetwork:
     @property
     def _moves(self) -> tuple[str, ...]:
         """Parameters of the axis's own motion, which stand before those of the table."""
-        return WOBBLE if self.wobble else ()
+        return Wobble.NAMES if self.wobble else ()
 
     def _swings(self, state: State, angles: Floats) -> tuple[Floats, Floats]:
         """Turns (..., 6, 3) and shifts (..., 6, 3) in camera axes that one unit of each parameter
         of the axis's motion makes at angles (...); (..., 0, 3) where there is none."""
         T = state.rig.T_camera_table
-        turns, shifts = (T.turn(s[..., : len(self._moves), :]) for s in wobble_slopes(angles))
+        turns, shifts = (T.turn(s[..., : len(self._moves), :]) for s in Wobble.slopes(angles))
         return turns, shifts
 
     def _riders(self, state: State) -> list[Block]:

@@ -13,7 +13,7 @@ from turnscan.calibrate._words import (
     uncertainty_in_words,
     value_in_words,
 )
-from turnscan.rig import WOBBLE
+from turnscan.rig import Wobble
 
 _BOW = ("aa", "ab", "bb")
 
@@ -38,7 +38,7 @@ def parameters_of(c: Calibration) -> list[tuple[str, str, str]]:
         shifts = zip("xyz", T.translation, strict=True)
         values |= {f"table.shift_{n}": f"{t:.3f} mm" for n, t in shifts}
     if c.rig.wobble is not None:
-        moves = zip(WOBBLE, c.rig.wobble.values, strict=True)
+        moves = zip(Wobble.NAMES, c.rig.wobble.values, strict=True)
         values |= {n: value_in_words(n, float(v)) for n, v in moves}
     if isinstance(layout, MarkerLayout):
         own = [*layout.shape, *layout.squares.ravel()]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from turnscan.arrays import Floats
 from turnscan.calibrate._residuals import CAMERA_SIZE
 from turnscan.calibrate._sweeps import Sweep, turned_back
-from turnscan.rig import WOBBLE, Camera, LaserSheet, Pose, Rig, wobble_slopes
+from turnscan.rig import Camera, LaserSheet, Pose, Rig, Wobble
 
 _NUDGE = 1e-4
 """Of the parameters of a lens, whose rays have no derivative in a formula; of the focal length, in
@@ -71,7 +71,7 @@ def point_slopes(
     at = sweep.righted((arm @ T.rotation).reshape(-1, len(sweep.step), 3), rig).reshape(-1, 3)
     inner = np.flatnonzero((columns >= p - 6 - _wobbles(rig)) & (columns < p - 6))
     if len(inner):
-        turns, shifts = (s[:, columns[inner] - p + 12] for s in wobble_slopes(angle))
+        turns, shifts = (s[:, columns[inner] - p + 12] for s in Wobble.slopes(angle))
         out[:, inner] = -np.cross(turns, at[:, None]) - shifts
     back = turned_back(out, angle[:, None])
     spin = turned_back(_drift(rig, angle, at), angle)
@@ -86,7 +86,7 @@ def point_slopes(
 
 def _wobbles(rig: Rig) -> int:
     """How many parameters the axis's own motion has."""
-    return 0 if rig.wobble is None else len(WOBBLE)
+    return 0 if rig.wobble is None else len(Wobble.NAMES)
 
 
 def _drift(rig: Rig, angle: Floats, at: Floats) -> Floats:
@@ -95,7 +95,7 @@ def _drift(rig: Rig, angle: Floats, at: Floats) -> Floats:
     if rig.wobble is None:
         return np.zeros_like(at)
     # It is a wave of the angle: its slope is what it is a quarter of a turn on.
-    turn, shift = (rig.wobble.values @ s for s in wobble_slopes(angle + np.pi / 2))
+    turn, shift = (rig.wobble.values @ s for s in Wobble.slopes(angle + np.pi / 2))
     return np.asarray(-np.cross(turn, at) - shift)
 
 

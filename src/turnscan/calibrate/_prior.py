@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
-from turnscan.rig import WOBBLE, LaserSheet, Pose, Rig
+from turnscan.rig import LaserSheet, Pose, Rig, Wobble
 
 _LEAST_SHARE = 1e-9
 """Of the largest: a variance below it is taken for that, so that nothing is divided by 0."""
@@ -50,7 +50,7 @@ def prior_of(before: Rig, now: Rig, stages: Collection[str], anew: bool = False)
         if name.rpartition(".")[0] in stages
         and sigma2[k] > 0.0
         and name in names
-        and not (anew and name in WOBBLE)
+        and not (anew and name in Wobble.NAMES)
     ]
     if not wanted:
         return None

@@ -143,12 +143,16 @@ def measured_uncertainty(
         return np.stack([np.hypot(X[:, 0], X[:, 1]), X[:, 2]])
 
     sigma = np.sqrt(np.diag(rig.covariance))
-    J = np.zeros((2, len(turns), len(sigma)))
+    slopes = np.zeros((2, len(turns), len(sigma)))
     for k in np.flatnonzero(sigma):
         step = np.zeros(len(sigma))
         step[k] = 1e-3 * sigma[k]
-        J[..., k] = (measure(rig.perturbed(step)) - measure(rig.perturbed(-step))) / (2 * step[k])
-    variance = np.einsum("qki,ij,qkj->qk", J, rig.covariance, J).mean(axis=1)
+        slopes[..., k] = (measure(rig.perturbed(step)) - measure(rig.perturbed(-step))) / (
+            2 * step[k]
+        )
+    variance = np.mean(
+        [np.diag(J @ rig.covariance @ J.T) for J in np.moveaxis(slopes, 1, 0)], axis=0
+    )
     if not np.isfinite(variance).all():
         return None
     return float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))

@@ -32,7 +32,7 @@ from turnscan.calibrate._state import State, StripeView
 from turnscan.calibrate._steps import AngleModel, angle_model
 from turnscan.calibrate._thickness import sheet_thickness
 from turnscan.calibrate._wobble import HOPELESS, with_wobble
-from turnscan.rig import WOBBLE, Marker, Pose, Rig
+from turnscan.rig import Marker, Pose, Rig, Wobble
 
 Say = Callable[[str], None]
 
@@ -300,7 +300,7 @@ def _finished_rig(fit: Fit[State], network: RigNetwork, settings: CalibrationSet
         if rig.wobble is not None:
             height = float(corners[low, 2]) - settings.lowest
             rig = replace(rig, wobble=rig.wobble.lifted(height))
-            tilt = p - 6 - len(WOBBLE)
+            tilt = p - 6 - len(Wobble.NAMES)
             carried[[tilt + 2, tilt + 3], [tilt + 1, tilt]] = height, -height
         covariance = carried @ fit.covariance[: p + n, : p + n] @ carried.T
     known = rig.table_known or layout is not None

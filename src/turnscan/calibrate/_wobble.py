@@ -14,7 +14,7 @@ from turnscan.calibrate._adjust import Fit, adjust, one_step
 from turnscan.calibrate._observations import RigNetwork
 from turnscan.calibrate._procedure import Stages
 from turnscan.calibrate._state import State
-from turnscan.rig import WOBBLE, Wobble
+from turnscan.rig import Wobble
 
 HOPELESS = 0.5
 """Part of the standard deviations that a parameter needs to be kept, by a linear step: no fit is
@@ -43,8 +43,8 @@ def with_wobble(
     was = dict(zip(network.names, free, strict=True))
     every = np.array([was.get(name, True) for name in wide.names])
     count = float(np.log(sum(len(b.residual) for b in fit.blocks)))
-    at = wide.names.index(WOBBLE[0])
-    own = slice(at, at + len(WOBBLE))
+    at = wide.names.index(Wobble.NAMES[0])
+    own = slice(at, at + len(Wobble.NAMES))
     near = replace(fit, state=state, blocks=tuple(wide.blocks(state)))
     moved, sigma = one_step(wide, near, every)
     if (np.abs(moved[own]) < HOPELESS * np.sqrt(count) * sigma[own]).all():

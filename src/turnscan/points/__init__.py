@@ -8,7 +8,6 @@ from turnscan.points._findings import (
     lost_frames,
     swept_findings,
     together_findings,
-    wobble_findings,
 )
 from turnscan.points._grid import Origin, RangeGrid
 from turnscan.points._normal_sigma import normal_sigma
@@ -75,6 +74,5 @@ __all__ = [
     "whole_turns",
     "widened",
     "without",
-    "wobble_findings",
     "working_volume",
 ]

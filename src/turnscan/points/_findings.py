@@ -22,8 +22,6 @@ _UNLIKE = 1.5
 boards to a quarter."""
 _UNEVEN = 0.2
 """Spread of the steps, as a part of the usual step, from which they are worth a word."""
-_REACH = 50.0
-"""mm from the axis at which it is said how far its own motion puts places aside."""
 _WORDS = (
     (StripeFlag.SATURATED, "saturated", "are clipped", "take shorter exposures"),
     (StripeFlag.HALO, "halo", "are shifted by a halo", ""),
@@ -158,24 +156,6 @@ def angle_findings(grid: RangeGrid, again: int) -> list[Finding]:
         remedy = "the surface stays open there; scan a full turn to close it"
         out.append(Finding("points.open-turn", "warning", text, where, remedy))
     return out
-
-
-def wobble_findings(laser: str, rig: Rig, angles: int, told: int) -> list[Finding]:
-    """Findings on a rig whose axis moves in a turn, where ``told`` of the ``angles`` are those that
-    a motor reached: whether they count from where the calibration's did, no picture says."""
-    if rig.wobble is None or not told:
-        return []
-    text = (
-        f"the axis of this rig moves once in a turn ({rig.wobble.reach(_REACH):.2f} mm, {_REACH:g} "
-        f"mm from it), and {told} of {angles} angles were not measured: they are taken to count "
-        "from where those of the calibration did"
-    )
-    remedy = Remedy(
-        "begin where the first picture of the calibrated table was taken, or read the angles from "
-        "markers with ",
-        Option("angles"),
-    )
-    return [Finding("points.wobble-start", "note", text, f"laser {laser}", remedy)]
 
 
 def together_findings(

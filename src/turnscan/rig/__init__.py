@@ -16,16 +16,14 @@ from turnscan.rig._pose import (
     rotation_z,
 )
 from turnscan.rig._presets import PRESET_NAMES, design_preset
-from turnscan.rig._rig import WOBBLE, Marker, Rig
+from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._ruler import rig_from_ruler
 from turnscan.rig._sheet import LaserSheet
 from turnscan.rig._table1 import disagreements, table_1, table_1_designs, table_1_text
 from turnscan.rig._wobble import Wobble
-from turnscan.rig._wobble import slopes as wobble_slopes
 
 __all__ = [
     "PRESET_NAMES",
-    "WOBBLE",
     "Camera",
     "Design",
     "LaserSheet",
@@ -52,5 +50,4 @@ __all__ = [
     "table_1",
     "table_1_designs",
     "table_1_text",
-    "wobble_slopes",
 ]

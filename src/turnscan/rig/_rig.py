@@ -15,12 +15,10 @@ from turnscan.rig._drawing import Beam, views
 from turnscan.rig._motion import TableMotion
 from turnscan.rig._pose import Pose, rotation_from_vector, rotation_z
 from turnscan.rig._sheet import LaserSheet
-from turnscan.rig._wobble import NAMES, Wobble
+from turnscan.rig._wobble import Wobble
 
 _CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "tilt_x", "tilt_y")
 _SHEET = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
-WOBBLE = tuple(f"table.wobble_{name}" for name in NAMES)
-"""Names of the parameters of `Rig.wobble`."""
 _TABLE = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
 
@@ -79,7 +77,7 @@ class Rig:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the rig's free parameters, in the order of `covariance` and `perturbed`."""
         sheets = tuple(f"{s.name}.{p}" for s in self.sheets for p in _SHEET)
-        wobble = () if self.wobble is None else WOBBLE
+        wobble = () if self.wobble is None else Wobble.NAMES
         table = tuple(f"table.{p}" for p in _TABLE)
         return tuple(f"camera.{p}" for p in _CAMERA) + sheets + wobble + table
 
@@ -178,8 +176,8 @@ class Rig:
             k += len(_SHEET)
         wobble = self.wobble
         if wobble is not None:
-            wobble = Wobble.of(wobble.values + d[k : k + len(WOBBLE)])
-            k += len(WOBBLE)
+            wobble = Wobble.of(wobble.values + d[k : k + len(Wobble.NAMES)])
+            k += len(Wobble.NAMES)
         T = self.T_camera_table
         moved = Pose(rotation_from_vector(d[k : k + 3]) @ T.rotation, T.translation + d[k + 3 :])
         return replace(

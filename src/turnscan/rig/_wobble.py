@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
 
-NAMES = ("tilt_x", "tilt_y", "shift_x", "shift_y", "rise_cos", "rise_sin")
-"""Parameters, in the order of `Wobble.values`."""
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
 _LEAST = 1e-12
 """rad: a turn by less has no direction."""
@@ -37,6 +36,12 @@ class Wobble:
     rise: Floats = field(default_factory=lambda: np.zeros(2))
     """(2,) mm: cosine and sine part of the shift along the axis."""
 
+    NAMES: ClassVar[tuple[str, ...]] = tuple(
+        f"table.wobble_{name}"
+        for name in ("tilt_x", "tilt_y", "shift_x", "shift_y", "rise_cos", "rise_sin")
+    )
+    """Its parameters among those of a rig, in the order of `values`."""
+
     def __post_init__(self) -> None:
         for name in ("tilt", "shift", "rise"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"Wobble.{name}"))
@@ -53,37 +58,37 @@ class Wobble:
         return np.concatenate([self.tilt, self.shift, self.rise])
 
     def lifted(self, height: float) -> Wobble:
-        """The same motion told from an origin that is ``height`` mm farther up the axis."""
+        """The same motion as seen from an origin that is ``height`` mm farther up the axis."""
         x, y = self.tilt
         return Wobble(self.tilt, self.shift + height * np.array([y, -x]), self.rise)
 
     def motion(self, angle: npt.ArrayLike) -> tuple[Floats, Floats]:
         """Rotations (..., 3, 3) and shifts (..., 3) mm that follow the turn by true angles (...)
         rad."""
-        turns, shifts = slopes(angle)
+        turns, shifts = self.slopes(angle)
         v = self.values
         return _rotations(v @ turns), v @ shifts
+
+    @staticmethod
+    def slopes(angle: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Rotation vectors and shifts, (..., 6, 3) each, at true angles (...) rad for one unit of
+        each of the parameters `NAMES`."""
+        a = np.asarray(angle, dtype=np.float64)
+        c, s = np.cos(a), np.sin(a)
+        turns, shifts = np.zeros((*a.shape, 6, 3)), np.zeros((*a.shape, 6, 3))
+        for out, first in ((turns, 0), (shifts, 2)):
+            out[..., first, 0] = out[..., first + 1, 1] = c
+            out[..., first, 1], out[..., first + 1, 0] = -s, s
+        shifts[..., 4, 2], shifts[..., 5, 2] = c, s
+        return turns, shifts
 
     def reach(self, radius: float) -> float:
         """mm by which a place of the platter ``radius`` mm from the axis is off in a turn, at most;
         what a part as a whole is off, tilted or shifted, is not left aside."""
-        turns, shifts = (self.values @ s for s in slopes(_AROUND))
+        turns, shifts = (self.values @ s for s in self.slopes(_AROUND))
         rim = radius * np.stack([np.cos(_AROUND), np.sin(_AROUND), 0.0 * _AROUND], axis=1)
         off = np.cross(turns[:, None], rim[None]) + shifts[:, None]
         return float(np.linalg.norm(off, axis=2).max())
-
-
-def slopes(angle: npt.ArrayLike) -> tuple[Floats, Floats]:
-    """Rotation vectors and shifts, (..., 6, 3) each, at true angles (...) rad for one unit of each
-    of the parameters `NAMES`."""
-    a = np.asarray(angle, dtype=np.float64)
-    c, s = np.cos(a), np.sin(a)
-    turns, shifts = np.zeros((*a.shape, 6, 3)), np.zeros((*a.shape, 6, 3))
-    for out, first in ((turns, 0), (shifts, 2)):
-        out[..., first, 0] = out[..., first + 1, 1] = c
-        out[..., first, 1], out[..., first + 1, 0] = -s, s
-    shifts[..., 4, 2], shifts[..., 5, 2] = c, s
-    return turns, shifts
 
 
 def _rotations(vectors: Floats) -> Floats:
