@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image as Pillow
 
-from tests.analytic import cylinder, full_turn, make_rig, scan_shape
+from tests.analytic import Shape, cylinder, full_turn, make_rig, scan_shape
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import Frame, Scan, ScanPlan
 
@@ -15,17 +15,18 @@ STEPS = 24
 
 
 CAN_RIG = make_rig(elevation=0.1, lift=20.0)
+CAN = cylinder(25, 0, 40)
 
 
-def write_can(path: Path, stored: Rig = CAN_RIG) -> Path:
-    """Write a scan of a can of radius 25 mm and 40 mm height, with noise, rig and angles.
+def write_can(path: Path, stored: Rig = CAN_RIG, rig: Rig = CAN_RIG, shape: Shape = CAN) -> Path:
+    """Write a scan of a can of radius 25 mm and 40 mm height, or of another shape, with noise, rig
+    and angles.
 
-    The file says that the rig ``stored`` took it.
+    The file says that the rig ``stored`` took it, in truth it was ``rig``.
     """
-    rig = CAN_RIG
     u, rng = np.arange(320), np.random.default_rng(3)
     with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0), stored) as scan:
-        for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS))):
+        for k, s in enumerate(scan_shape(rig, shape, full_turn(STEPS))):
             at = np.nan_to_num(s.position, nan=-1e3)[:, None]
             light = 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2) + rng.normal(12, 1.0, (240, 320))
             dark = rng.normal(12, 1.0, (240, 320))
