@@ -264,8 +264,11 @@ class RigNetwork:
     def _swings(self, state: State, angles: Floats) -> tuple[Floats, Floats]:
         """Turns (..., 6, 3) and shifts (..., 6, 3) in camera axes that one unit of each parameter
         of the axis's motion makes at angles (...); (..., 0, 3) where there is none."""
+        if not self.wobble:
+            none = np.zeros((*np.shape(angles), 0, 3))
+            return none, none
         T = state.rig.T_camera_table
-        turns, shifts = (T.turn(s[..., : len(self._moves), :]) for s in Wobble.slopes(angles))
+        turns, shifts = (T.turn(s) for s in Wobble.slopes(angles))
         return turns, shifts
 
     def _riders(self, state: State) -> list[Block]:
