@@ -115,13 +115,8 @@ def photographed(
         seen = [detect_board(dark, board, f"free {i}") for i, (dark, *_) in enumerate(taken)]
         striped: dict[str, Sequence[LaserPicture]] = {
             laser: [
-                LaserPicture(view, light, widths=widths)
-                for view, (light, widths) in (
-                    (view, stripe_light(lit[k], dark))
-                    for view, (dark, *lit) in zip(
-                        seen[len(free) :], taken[len(free) :], strict=True
-                    )
-                )
+                LaserPicture.of(view, stripe_light(lit[k], dark))
+                for view, (dark, *lit) in zip(seen[len(free) :], taken[len(free) :], strict=True)
             ]
             for k, laser in enumerate(lasers)
         }

@@ -16,7 +16,7 @@ from bench._rigs import BOARD, MARGIN, PRINT, ROOM, held_boards
 from bench.calibration._figures import Figure
 from turnscan.arrays import Floats
 from turnscan.calibrate import LaserPicture, detect_board, stripe_light
-from turnscan.calibrate._select import on_board
+from turnscan.calibrate._select import board_stripe_of
 from turnscan.rig import Pose
 from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of
 
@@ -56,9 +56,8 @@ def _errors(made: Bench, at: Pose, seconds: float) -> tuple[Floats, Floats]:
     view = detect_board(dark, BOARD)
     off = view.corners - rig.camera.project(T.apply(BOARD.points[view.ids]))
     laser = rig.sheets[0].name
-    light, widths = stripe_light(camera.picture(0.0, (laser,), seconds), dark)
-    lit = LaserPicture(view, light, widths=widths)
-    found, true = on_board(rig.camera, lit.candidates, BOARD, T, MARGIN), stripe_of(rig, T, laser)
+    lit = LaserPicture.of(view, stripe_light(camera.picture(0.0, (laser,), seconds), dark))
+    found, true = board_stripe_of(rig.camera, lit, T, MARGIN), stripe_of(rig, T, laser)
     if not len(found) or not len(true):
         return off, np.zeros(0)
     inside = (found[:, 1] >= true[0, 1]) & (found[:, 1] <= true[-1, 1])

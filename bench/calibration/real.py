@@ -62,8 +62,8 @@ def _charuco_pairs() -> Iterator[Figure]:
 
 
 def _pair(camera, on, off, boards: list[Board], way) -> tuple[int, float, str]:  # type: ignore[no-untyped-def]
-    light = stripe_light(on, off, (1, 0, 0), way)[0]
-    pictures = [LaserPicture(detect_board(off, b), light) for b in boards]
+    light = stripe_light(on, off, (1, 0, 0), way)
+    pictures = [LaserPicture.of(detect_board(off, b), light) for b in boards]
     try:
         fit = fit_sheet(camera, pictures, orientation=way)
     except ValueError as e:
@@ -79,7 +79,7 @@ def _green_boards() -> Iterator[Figure]:
     paths = list_pictures(SHARED / "laser-boards-green")
     for path in paths:
         picture = read_picture(path)
-        light = stripe_light(picture, None, (0, 1, 0))[0]
+        light = stripe_light(picture, None, (0, 1, 0)).places
         view = detect_board(picture, board, path.name)
         pictures.append(LaserPicture(view, light, white_margin(picture, view)))
     views = [p.view for p in pictures]

@@ -1,8 +1,9 @@
 """A table that is eccentric and has play, told without markers by two lasers, or by one laser.
 
-The hexagon's stripes are cut by the true sheets and have the noise of the paper rig's pictures; the
-table goes there and back, as play between the two ways shows in no other scan. One laser sees the
-hexagon there and back, and once more after it was shifted and turned on the table, or tipped too.
+The hexagon's stripes are cut by the true sheets, in every row of the picture as a scan's are, and
+have the noise of the paper rig's pictures; the table goes there and back, as play between the two
+ways shows in no other scan. One laser sees the hexagon there and back, and once more after it was
+shifted and turned on the table, or tipped too.
 """
 
 from __future__ import annotations
@@ -61,9 +62,9 @@ def _two_poses(
     def again(p: Floats) -> Floats:
         return upright(moved.inverse().apply(p.reshape(-1, 3)).reshape(p.shape))
 
-    second = both(rig, again, TOLD, motion.angle(TOLD), seed + 50, noise=NOISE, every=6)
+    second = both(rig, again, TOLD, motion.angle(TOLD), seed + 50, noise=NOISE, every=1)
     sweeps = [*_swept(rig, motion, seed), *(replace(s, pose=1) for s in second)]
-    return sweeps, RefineSettings(geometry=False, queries=1000, poses=(ABOUT @ moved.inverse(),))
+    return sweeps, RefineSettings(geometry=False, poses=(ABOUT @ moved.inverse(),))
 
 
 def _figures(who: str, lasers: int, way: Way, seeds: range) -> list[Figure]:
@@ -91,7 +92,7 @@ def _figures(who: str, lasers: int, way: Way, seeds: range) -> list[Figure]:
 
 def _swept(rig: Rig, motion: TableMotion, seed: int) -> list[Sweep]:
     hexagon = prism((CENTRE[0], CENTRE[1]), 40.0)
-    return both(rig, hexagon, TOLD, motion.angle(TOLD), seed, noise=NOISE, every=6)
+    return both(rig, hexagon, TOLD, motion.angle(TOLD), seed, noise=NOISE, every=1)
 
 
 def _pulls(done: Refined) -> dict[str, float]:

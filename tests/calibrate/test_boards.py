@@ -151,7 +151,7 @@ def test_the_stripe_on_a_board_and_not_the_clutter() -> None:
     picture += np.nan_to_num(light)
     picture += 80 * np.exp(-((u - 0.7 * v - 60) ** 2) / 4) * (v < 90)  # something else, thin
     picture += 2 * world.dice.standard_normal(picture.shape)
-    seen = stripe_light(np.clip(picture, 0, 255).astype(np.uint8))[0]
+    seen = stripe_light(np.clip(picture, 0, 255).astype(np.uint8)).places
     board = parse_board("chessboard:8x6:40")
     kept = on_board(world.rig.camera, seen, board, T, 0.0)
     truth = np.interp(kept[:, 1], line[:, 1], line[:, 0])
@@ -189,8 +189,8 @@ def test_a_stripe_in_colour_is_found_where_it_is_in_grey(dark: bool) -> None:
     for weights, colour in ((None, (1.0, 1.0, 1.0)), ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0))):
         lit = np.stack([room + c * light for c in colour], axis=-1).round().astype(np.uint8)
         off = np.stack([room] * 3, axis=-1).astype(np.uint8) if dark else None
-        found = stripe_light(lit, off, weights=weights)[0]
-        alone = stripe_light(grey, room.astype(np.uint8) if dark else None)[0]
+        found = stripe_light(lit, off, weights=weights).places
+        alone = stripe_light(grey, room.astype(np.uint8) if dark else None).places
         assert len(found) == len(alone) == 80
         assert np.abs(found - alone).max() < 0.02
         assert np.abs(found[:, 0] - centre).max() < 0.1

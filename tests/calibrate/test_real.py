@@ -70,7 +70,7 @@ def test_the_stripe_on_the_table_of_the_object_lies_on_the_platter(
     angle = platter_seen(picture, rig).angle
     assert angle is not None
     assert angle.residual_px < 0.7
-    light = stripe_light(picture, None, (0, 1, 0))[0]
+    light = stripe_light(picture, None, (0, 1, 0)).places
     low = light[(light[:, 1] > 360) & (light[:, 1] < 410) & (light[:, 0] > 360)]
     points = rig.T_camera_table.inverse().apply(rig.sheets[0].intersect(rig.camera.rays(low)))
     assert abs(float(np.median(points[:, 2]))) < 1.0
@@ -91,9 +91,9 @@ def test_charuco_pairs(shared_data: Path, name: str) -> None:
     on = read_picture(folder / f"{name}_charuco_board_laser.png")
     off = read_picture(folder / f"{name}_charuco_board.png")
     camera = Camera(on.shape[1], on.shape[0], K[0, 0], K[1, 1], K[0, 2], K[1, 2])
-    light = stripe_light(on, off, (1, 0, 0))[0]
+    light = stripe_light(on, off, (1, 0, 0))
     boards = [parse_board(f"charuco:7x5:25:19:DICT_{n}X{n}_50") for n in (4, 5)]
-    fit = fit_sheet(camera, [LaserPicture(detect_board(off, b), light) for b in boards])
+    fit = fit_sheet(camera, [LaserPicture.of(detect_board(off, b), light) for b in boards])
     assert 0.02 < fit.rms_mm <= 0.17
     assert min(fit.points) > 200
 
@@ -104,7 +104,7 @@ def test_green_boards_all_six_without_a_hint(shared_data: Path) -> None:
     for path in list_pictures(shared_data / "laser-boards-green"):
         picture = read_picture(path)
         view = detect_board(picture, board, path.name)
-        light = stripe_light(picture, None, (0, 1, 0))[0]
+        light = stripe_light(picture, None, (0, 1, 0)).places
         pictures.append(LaserPicture(view, light, white_margin(picture, view)))
     c = calibrate_rig([p.view for p in pictures], {"laser": pictures}, (), CalibrationSettings())
     assert not c.rejected

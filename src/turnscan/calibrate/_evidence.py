@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from turnscan.arrays import Floats
 from turnscan.calibrate._board import Board, BoardView
+from turnscan.calibrate._light import StripeLight
 from turnscan.calibrate._margin import USUAL
 from turnscan.calibrate._markers import MarkerView
 from turnscan.stripes import Orientation
@@ -23,6 +24,14 @@ class LaserPicture:
     None where the picture was not asked."""
     widths: Floats | None = None
     """(n,) px rms of the light at the candidates; None where they were not kept."""
+    on_print: Floats | None = None
+    """(n, 2) px: the candidates as light that fell on the board's print, from `stripe_light`; None
+    where there is no picture without the laser."""
+
+    @classmethod
+    def of(cls, view: BoardView, light: StripeLight, margin: Floats | None = None) -> LaserPicture:
+        """With what `stripe_light` found."""
+        return cls(view, light.places, margin, light.widths, light.on_print)
 
     def around(self, settings: CalibrationSettings) -> float | Floats:
         """mm of board around the pattern: as the user says, else as the picture shows."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import Floats, Image, Ints
 from turnscan.errors import InputError
 from turnscan.stripes import (
     UINT16_SCALE,
@@ -15,7 +17,22 @@ from turnscan.stripes import (
     project_colour,
 )
 
+_CLIPPED = 252 / 255
+"""Of the brightest pixel: such pixels may be clipped, and say nothing of a profile."""
 _WINDOW = 17  # px: the stripe is narrower than half of this, squares and hands are wider
+
+
+class StripeLight(NamedTuple):
+    """Where the stripe could be in a picture."""
+
+    places: Floats
+    """(n, 2) px."""
+    widths: Floats
+    """(n,) px rms of the light there."""
+    on_print: Floats | None
+    """(n, 2) px: the places of the light that fell on the print which the laser-off picture shows
+    (`stripe_places_on_print`), None without one. Half on white and half on black, a stripe is seen
+    on the white."""
 
 
 def stripe_light(
@@ -24,9 +41,8 @@ def stripe_light(
     weights: npt.ArrayLike | None = None,
     orientation: Orientation = "vertical",
     most: int = 5,
-) -> tuple[Floats, Floats]:
-    """All places (n, 2) px in a picture where the stripe could be, and how wide (n,) px rms it is
-    there; the ``most`` brightest in a line.
+) -> StripeLight:
+    """Where in a picture the stripe could be; the ``most`` brightest places in a line.
 
     ``lit`` and ``dark`` are (H, W) or (H, W, 3). Without a laser-off picture the background is the
     median of the neighbourhood along the line, which a narrow stripe does not move: a stripe on a
@@ -47,8 +63,38 @@ def stripe_light(
     found = find_candidates(signal, background, settings)
     line, which = np.nonzero(np.isfinite(found.position))
     across = found.position[line, which]
-    pair = (across, line) if orientation == "vertical" else (line, across)
-    return np.stack(pair, axis=1).astype(np.float64), np.array(found.width[line, which])
+    widths = np.array(found.width[line, which], dtype=np.float64)
+
+    def pixels(across: Floats) -> Floats:
+        pair = (across, line) if orientation == "vertical" else (line, across)
+        return np.stack(pair, axis=1).astype(np.float64)
+
+    if dark is None:
+        return StripeLight(pixels(across), widths, None)
+    on_print = _on_print(signal, background, line.astype(np.int32), across, widths, orientation)
+    return StripeLight(pixels(across), widths, pixels(on_print))
+
+
+def _on_print(
+    lit: npt.NDArray[np.uint16],
+    dark: npt.NDArray[np.uint16],
+    line: Ints,
+    across: Floats,
+    width: Floats,
+    orientation: Orientation,
+) -> Floats:
+    """Places (n,) px across of stripes whose light fell on what ``dark`` (H, W) shows."""
+    from turnscan.calibrate._light_kernels import stripe_places_on_print
+
+    if orientation == "horizontal":
+        lit, dark = lit.T, dark.T
+    full = float(max(lit.max(), 1))
+    places: Floats = stripe_places_on_print(
+        np.ascontiguousarray(lit), np.ascontiguousarray(dark), line,
+        np.asarray(across, dtype=np.float64), np.asarray(width, dtype=np.float64),
+        full / 255.0, _CLIPPED * full,
+    )  # fmt: skip
+    return places
 
 
 def _along_lines(

@@ -15,7 +15,7 @@ from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._prior import RigPrior, like, prior_of
-from turnscan.calibrate._select import on_board, on_platter
+from turnscan.calibrate._select import board_stripe_of, on_platter
 from turnscan.calibrate._start import FEWEST_VIEWS, board_pose, same_size, start_camera, start_sheet
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._state import RiderView, State, StripeView
@@ -280,10 +280,8 @@ def sheet_stage(
         seen = []
         for i in mine:
             view, pose = with_stripe[i][1].view, state.poses[first + i]
-            px = on_board(
-                camera, with_stripe[i][1].candidates, view.board, pose,
-                with_stripe[i][1].around(settings),
-            )  # fmt: skip
+            picture = with_stripe[i][1]
+            px = board_stripe_of(camera, picture, pose, picture.around(settings))
             if not len(px):
                 reason = "no straight stripe on the board or its margin"
                 rejected.append(Rejected(f"laser {name}", view.name, reason))

@@ -8,6 +8,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._board import Board
+from turnscan.calibrate._evidence import LaserPicture
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.rig import Camera, Pose, rotation_z
 
@@ -19,6 +20,7 @@ _TIGHT = 4.0  # robust sigmas about the final line
 _LEAST_PX = 0.3
 _GAP = 0.25  # of the length: a stripe that pauses longer than this is two stripes
 _DENSE = 0.4  # of the lines between its ends must show the stripe
+_AS_LONG = 0.9  # of a stripe as it was found: on the print, no piece of it may be lost
 _CLEAR = 1.35  # a marker's printed square and the blur around it, in sides
 
 
@@ -38,6 +40,34 @@ def on_board(
         return np.asarray(((xy > low) & (xy < high)).all(axis=1))
 
     return _on_plane(camera, candidates, pose, inside)
+
+
+def board_stripe_of(
+    camera: Camera, picture: LaserPicture, pose: Pose, margin: float | Floats
+) -> Floats:
+    """The stripe on the board of a picture → (k, 2) px, by the straighter of its candidates.
+
+    Where a stripe crosses the print, its light as it fell there makes it straight; a picture whose
+    grey values are clipped, or go with the light in a way that the print does not show, is
+    straighter as it was found.
+    """
+    found = on_board(camera, picture.candidates, picture.view.board, pose, margin)
+    if picture.on_print is None:
+        return found
+    printed = on_board(camera, picture.on_print, picture.view.board, pose, margin)
+    if len(printed) < max(_AS_LONG * len(found), FEWEST_POINTS):
+        return found
+    return printed if _unevenness(camera, printed) < _unevenness(camera, found) else found
+
+
+def _unevenness(camera: Camera, pixels: Floats) -> float:
+    """px rms of a stripe (k, 2) about its straight line, in a picture without distortion; infinite
+    without a stripe."""
+    if not len(pixels):
+        return np.inf
+    straight = camera.normalised(pixels) * (camera.fx, camera.fy)
+    least = np.linalg.svd(straight - straight.mean(axis=0), compute_uv=False)[1]
+    return float(least / np.sqrt(len(pixels)))
 
 
 def on_platter(

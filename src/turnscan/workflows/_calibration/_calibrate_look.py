@@ -152,7 +152,7 @@ def look_for_part(
     for k in np.unique(np.linspace(0, len(pairs) - 1, _SAMPLES).round().astype(int)):
         lit, dark = pairs[k]
         picture, off = read_picture(lit), None if dark is None else read_picture(dark)
-        seen, _ = stripe_light(picture, off, weights, orientation, most=1)
+        seen = stripe_light(picture, off, weights, orientation, most=1).places
         corners = detect_markers(picture if off is None else off, dictionary).corners
         lines, width = picture.shape[across], picture.shape[1 - across]
         line = np.full(lines, np.nan)

@@ -126,9 +126,9 @@ def laser_pictures(
         view = detect_board(picture if off is None else off, board, lit.name)
         if view.failure:
             return LaserPicture(view, np.zeros((0, 2)))
-        light, widths = stripe_light(picture, off, weights, orientation)
+        light = stripe_light(picture, off, weights, orientation)
         margin = white_margin(picture if off is None else off, view)
-        return LaserPicture(view, light, margin, widths)
+        return LaserPicture.of(view, light, margin)
 
     return in_turn(look, pairs, progress)
 
@@ -149,7 +149,7 @@ def table_pictures(
         clear = picture if off is None else off
         light = {}
         if laser is not None:
-            light[laser] = stripe_light(picture, off, weights, settings.orientation)[0]
+            light[laser] = stripe_light(picture, off, weights, settings.orientation).places
         if settings.table_board is None:
             seen = detect_markers(clear, settings.dictionary)
             return TablePicture(seen, light, lit.name, step)

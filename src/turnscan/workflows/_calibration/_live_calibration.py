@@ -21,6 +21,7 @@ from turnscan.calibrate import (
     CalibrationSettings,
     Charuco,
     LaserPicture,
+    StripeLight,
     TablePicture,
     advice_of,
     aruco_dictionary,
@@ -195,8 +196,8 @@ class LiveCalibration:
                 self._camera[number] = view
             return self._of_camera(number, view)
         margin = None if view.failure else white_margin(shot.dark, view)
-        light, widths = _light(shot, view, self._settings.orientation)
-        lit = LaserPicture(view, light, margin, widths)
+        light = _light(shot, view, self._settings.orientation)
+        lit = LaserPicture.of(view, light, margin)
         with self._lock:
             self._lasers[number] = shot.laser, lit
         return self._of_laser(number, shot.laser, lit)
@@ -348,7 +349,7 @@ class LiveCalibration:
         if shot.lit is not None:
             channel = _channel(shot.lit, shot.dark)
             way = self._settings.orientation
-            light[shot.laser] = stripe_light(shot.lit, shot.dark, channel, way)[0]
+            light[shot.laser] = stripe_light(shot.lit, shot.dark, channel, way).places
         board, step = self._settings.table_board, float(shot.stop)
         if board is not None:
             return TablePicture(detect_board(shot.dark, board, name), light, name, step)
@@ -378,21 +379,20 @@ def printed_board(board: Board, rulers: tuple[float, float]) -> Board:
     return replace(board, square=board.square * scale)
 
 
-def _light(shot: Shot, view: BoardView, orientation: Orientation) -> tuple[Floats, Floats]:
-    """The stripe's candidates (n, 2) px of a picture and their widths; none where it misses the
-    board."""
-    nothing: tuple[Floats, Floats] = np.zeros((0, 2)), np.zeros(0)
+def _light(shot: Shot, view: BoardView, orientation: Orientation) -> StripeLight:
+    """Where the stripe of a picture could be; nowhere where it misses the board."""
+    nothing = StripeLight(np.zeros((0, 2)), np.zeros(0), None)
     if view.failure or shot.lit is None:
         return nothing
     weights = None
     if shot.lit.ndim == 3:
         excess = laser_weights(shot.lit, shot.dark, view.corners)
         weights = None if excess is None else np.eye(3)[int(excess.argmax())]
-    light, widths = stripe_light(shot.lit, shot.dark, weights, orientation)
+    light = stripe_light(shot.lit, shot.dark, weights, orientation)
     mask = np.zeros(shot.lit.shape[:2], np.uint8)
     cv2.fillConvexPoly(mask, cv2.convexHull(view.corners.round().astype(np.int32)), 1)
-    u, v = light.round().astype(int).T
-    return (light, widths) if np.count_nonzero(mask[v, u]) >= _FEWEST_LINES else nothing
+    u, v = light.places.round().astype(int).T
+    return light if np.count_nonzero(mask[v, u]) >= _FEWEST_LINES else nothing
 
 
 def _why_not(picture: TablePicture) -> str:

@@ -1,0 +1,155 @@
+"""A stripe that crosses the print of a board: where its light fell, not where it is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
+
+from turnscan.arrays import Floats, Image
+from turnscan.calibrate import Chessboard, LaserPicture, detect_board, stripe_light
+from turnscan.calibrate._select import board_stripe_of
+from turnscan.rig import Camera, Pose
+
+SHAPE = (240, 320)
+FINE = 4
+"""Samples of a pixel, each way: squares end inside pixels."""
+BLUR = 0.7
+"""px: of the lens, which the print's edges and the stripe have alike."""
+NOISE = 1.0
+"""Grey levels rms."""
+
+
+def pictures(
+    square: float,
+    turn: float,
+    ink: float,
+    width: float,
+    seed: int,
+    room: float = 90.0,
+    light: float = 60.0,
+    gain: float = 1.0,
+) -> tuple[Image, Image, Floats]:
+    """Lit and dark pictures of a chequered plane under a stripe, and its true place (240,) px."""
+    rows, columns = SHAPE
+    v, u = (np.mgrid[0 : rows * FINE, 0 : columns * FINE] + 0.5) / FINE - 0.5
+    x, y = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
+    paper = np.where((np.floor(x / square) + np.floor(y / square)) % 2 > 0, 1.0, ink)
+    true = 160.0 + 0.12 * (np.arange(rows) - rows / 2)
+    at = 160.0 + 0.12 * (v - rows / 2)
+    stripe = light * np.exp(-((u - at) ** 2) / (2 * width**2))
+    dice = np.random.default_rng(seed)
+
+    def picture(shone: Floats) -> Image:
+        seen = gaussian_filter(gain * paper * shone, BLUR * FINE)
+        seen = seen.reshape(rows, FINE, columns, FINE).mean(axis=(1, 3))
+        return np.clip(seen + dice.normal(0, NOISE, SHAPE), 0, 255).round().astype(np.uint8)
+
+    return picture(room + stripe), picture(np.full_like(stripe, room)), true
+
+
+def errors(places: Floats, true: Floats) -> Floats:
+    """px of the candidate next to the stripe in each row that has one within 3 px."""
+    off = places[:, 0] - np.interp(places[:, 1], np.arange(len(true)), true)
+    near = np.abs(off) < 3.0
+    return np.asarray(off[near & (places[:, 1] > 10) & (places[:, 1] < len(true) - 10)])
+
+
+def least(width: float, light: float) -> float:
+    """px rms: what the noise of both pictures leaves of a stripe's place at best (Cramér, Rao)."""
+    return float(np.sqrt(2) * NOISE * np.sqrt(2 * width / np.sqrt(np.pi)) / light)
+
+
+@pytest.mark.parametrize("width", [1.5, 3.0])
+@pytest.mark.parametrize("turn", [0.05, 0.4, 0.8])
+def test_a_stripe_is_where_its_light_fell_on_the_print(turn: float, width: float) -> None:
+    """It is seen beside that place by what the print does; after the fit by the noise alone."""
+    lit, dark, true = pictures(14.0, turn, 0.2, width, seed=3)
+    light = stripe_light(lit, dark)
+    assert light.on_print is not None
+    seen, fell = errors(light.places, true), errors(light.on_print, true)
+    white, black = least(width, 60.0), least(width, 0.2 * 60.0)
+    assert np.std(seen) > 4 * np.std(fell)
+    assert 0.9 * white < np.std(fell) < 2 * black
+    assert abs(np.mean(fell)) < 0.1 * black + 0.01
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    square=st.floats(7.0, 40.0),
+    turn=st.floats(0.0, 1.5),
+    ink=st.floats(0.08, 1.0),
+    width=st.floats(1.0, 5.0),
+    seed=st.integers(0, 999),
+)
+def test_no_print_draws_a_stripe_aside(
+    square: float, turn: float, ink: float, width: float, seed: int
+) -> None:
+    lit, dark, true = pictures(square, turn, ink, width, seed)
+    light = stripe_light(lit, dark)
+    assert light.on_print is not None
+    seen, fell = errors(light.places, true), errors(light.on_print, true)
+    assert len(fell) > 100
+    noise = least(max(width, BLUR), max(ink, 0.1) * 60.0)
+    assert np.sqrt(np.mean(fell**2)) < 1.05 * np.sqrt(np.mean(seen**2)) + noise
+
+
+def test_a_dark_picture_without_light_says_nothing_of_the_print() -> None:
+    lit, dark, _ = pictures(14.0, 0.4, 0.2, 2.0, seed=1, room=0.0)
+    light = stripe_light(lit, dark)
+    assert len(light.places) > 100
+    assert light.on_print is not None
+    assert np.array_equal(light.on_print, light.places)
+
+
+def test_clipped_rows_stay_as_they_were_found() -> None:
+    lit, dark, _ = pictures(14.0, 0.4, 0.2, 2.0, seed=1, gain=4.0)
+    light = stripe_light(lit, dark)
+    assert light.on_print is not None
+    changed = np.abs(light.on_print - light.places).max(axis=1) > 0
+    row, near = light.places[:, 1].astype(int), light.places[:, 0].astype(int)
+    clipped = np.array([lit[v, max(u - 3, 0) : u + 4].max() == 255
+                        for v, u in zip(row, near, strict=True)])  # fmt: skip
+    assert clipped.any()
+    assert (~clipped).any()
+    assert not changed[clipped].any()
+
+
+@pytest.mark.parametrize("orientation", ["vertical", "horizontal"])
+def test_lying_stripes_are_found_as_standing_ones(orientation: str) -> None:
+    lit, dark, _ = pictures(14.0, 0.4, 0.2, 2.0, seed=5)
+    standing = stripe_light(lit, dark)
+    lying = stripe_light(lit.T.copy(), dark.T.copy(), orientation="horizontal")
+    assert standing.on_print is not None
+    assert lying.on_print is not None
+    assert np.allclose(standing.on_print, lying.on_print[:, ::-1])
+
+
+def board_picture(clip: float) -> tuple[LaserPicture, Camera, Pose, Floats]:
+    """A chessboard straight before the camera, lit so that a share of it is clipped."""
+    lit, dark, true = pictures(20.0, 0.0, 0.2, 2.0, seed=7, gain=clip)
+    board, camera = Chessboard(8, 6, 20.0), Camera(*SHAPE[::-1], 400.0, 400.0, 159.5, 119.5)
+    view = detect_board(dark, board)
+    return LaserPicture.of(view, stripe_light(lit, dark)), camera, _straight(camera), true
+
+
+def _straight(camera: Camera) -> Pose:
+    """The print's frame where a pixel is one millimetre."""
+    shift = np.array([-camera.cx + 19.5, -camera.cy + 19.5, camera.fx])
+    return Pose(np.eye(3), shift)
+
+
+def test_the_straighter_stripe_is_taken() -> None:
+    picture, camera, pose, true = board_picture(1.0)
+    on = board_stripe_of(camera, picture, pose, 15.0)
+    assert np.std(errors(on, true)) < 0.15
+    assert picture.on_print is not None
+    # Where the print would bend it, as with grey values that do not go with the light, it stays.
+    bent = picture.on_print + np.array([1.0, 0.0]) * (picture.on_print[:, 1:] % 7 > 3)
+    wrong = LaserPicture(picture.view, picture.candidates, on_print=bent)
+    kept = board_stripe_of(camera, wrong, pose, 15.0)
+    plain = board_stripe_of(camera, LaserPicture(picture.view, picture.candidates), pose, 15.0)
+    assert np.array_equal(kept, plain)
+    assert np.std(errors(plain, true)) > 0.2
