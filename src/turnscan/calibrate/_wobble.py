@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from turnscan.arrays import Bools
-from turnscan.calibrate._adjust import Fit, adjust, one_step
+from turnscan.calibrate._adjust import HUBER, Fit, adjust
+from turnscan.calibrate._normal import build, cost_of, step
 from turnscan.calibrate._observations import RigNetwork
 from turnscan.calibrate._procedure import Stages
 from turnscan.calibrate._state import State
@@ -46,14 +47,26 @@ def with_wobble(
     at = wide.names.index(Wobble.NAMES[0])
     own = slice(at, at + len(Wobble.NAMES))
     near = replace(fit, state=state, blocks=tuple(wide.blocks(state)))
-    moved, sigma = one_step(wide, near, every)
-    if (np.abs(moved[own]) < HOPELESS * np.sqrt(count) * sigma[own]).all():
+    if _gain(wide, near, every) < HOPELESS**2 * len(Wobble.NAMES) * count:
         return fit, network
     most = adjust(wide, state, every, near=near)
     assert most.state.rig.wobble is not None
     values = most.state.rig.wobble.values
     gain = float(values @ np.linalg.solve(most.covariance[own, own], values))
     return (most, wide) if gain > len(values) * count else (fit, network)
+
+
+def _gain(network: RigNetwork, fit: Fit[State], free: Bools) -> float:
+    """About how much one linear step lowers n·ln χ² of n observations.
+
+    The noise is that which is left after it, as errors that the step explains are in the scales and
+    in the common errors of the fit before.
+    """
+    system = build(network, list(fit.blocks), free, fit.scales, HUBER, 0.0)
+    after = network.blocks(network.moved(fit.state, *step(network, system, free)))
+    count = sum(len(b.residual) for b in after)
+    left = cost_of(after, fit.scales, HUBER)
+    return count * float(np.log(cost_of(list(fit.blocks), fit.scales, HUBER) / left))
 
 
 def _seen_all_round(state: State) -> bool:
