@@ -61,7 +61,7 @@ from turnscan.simulate import Bench, Part, SimulationSpec
 from turnscan.simulate._truth import Distance
 
 PAGE = DOCS / "how-to" / "shapes.md"
-PARTS = ("hexagon", "shaft", "bracket", "grooves", "torus", "gear")
+PARTS = ("hexagon", "shaft", "bracket", "grooves", "v-groove", "torus", "gear")
 STEPS = 200
 _ALIKE = 0.05
 """Of a true size (at least 0.5 mm): a measured one further off is not it."""
@@ -102,8 +102,14 @@ TRUTHS: dict[str, tuple[Truth, ...]] = {
         Truth("wall", "distance", 10.0),
         Truth("width", "distance", 60.0),
         Truth("depth of foot", "distance", 40.0),
+        Truth("axis of hole to sides", "axis to plane", 30.0, 2),
     ),
     "grooves": (Truth("depth", "distance", 1.0), Truth("width", "distance", 60.0)),
+    "v-groove": (
+        Truth("angle of flanks", "angle", 90.0),
+        Truth("angle of flank and face", "angle", 45.0, 2),
+        Truth("width", "distance", 46.0),
+    ),
     "torus": (
         Truth("ring ⌀", "diameter", 60.0),
         Truth("tube ⌀", "tube diameter", 20.0),
