@@ -215,16 +215,21 @@ def measured_part(task: Task, folder: Path) -> list[str]:
     lines = [line for t in TRUTHS.get(name, ()) for line in _lines(name, t, f.sizes)]
     near = _near_edges(f.mesh, f.shapes, part, place)
     edges = [] if near is None else [near.line(name)]
-    rest = _rest(name, f.shapes, f.mesh, part, place, f.spent, f.usual)
+    there = _expected(f) if f.believed is f.made.rig else place
+    rest = _rest(name, f.shapes, f.mesh, part, there, f.spent, f.usual)
     return [*lines, *edges, rest]
 
 
 def _placed(f: Found) -> Pose:
-    """Where the part is in the frame of its mesh."""
-    body = f.made.scene.bodies[0]
+    """From the frame of the mesh to that of the part, by the best fit of all shapes: one that is
+    false pulls the others along."""
+    return _aligned(f.mesh, f.shapes, f.made.scene.bodies[0].part, _expected(f))
+
+
+def _expected(f: Found) -> Pose:
+    """The same as the simulator has laid the part; as well as the rig is known."""
     true_frame = f.made.rig.T_camera_table.inverse() @ f.believed.T_camera_table
-    base = body.T_table_part.inverse() @ true_frame
-    return _aligned(f.mesh, f.shapes, body.part, base)
+    return f.made.scene.bodies[0].T_table_part.inverse() @ true_frame
 
 
 def repeated(task: Task, seeds: int, folder: Path) -> list[str]:
@@ -314,14 +319,20 @@ class _NearEdges:
     after: float
     """With the true edges."""
     on_edge: float
+    told: float
+    """Of the standard uncertainties that the vertices there claim, which the shapes gave them; NaN
+    where the mesh knows none."""
     sharp: int
     """Edges."""
 
     def line(self, name: str) -> str:
         """The row of a part."""
+        known = f"{1e-3 * self.told:.4f}" if self.told == self.told else ""
+        kept = f"{self.after / (2 * self.told):.2f}" if self.told == self.told else ""
         return (
             f"| {name} | {self.sharp} sharp edges: surface within {NEAR_EDGE:g} mm, rms | 0 | "
-            f"{self.before:.1f} → {self.after:.1f} µm | | {self.on_edge:.1f} on the edge | |"
+            f"{self.before:.1f} → {self.after:.1f} µm | {known} | {self.on_edge:.1f} on the edge "
+            f"| {kept} |"
         )
 
 
@@ -341,7 +352,10 @@ def _near_edges(mesh: Mesh, found: ShapeSet, part: Part, place: Pose) -> _NearEd
         out.append(1e3 * float(np.sqrt(np.mean(part.distance(place.apply(X)) ** 2))))
     edge = part.distance(place.apply(done.mesh.vertices[done.on_edge]))
     on = 1e3 * float(np.sqrt(np.mean(edge**2)))
-    return _NearEdges(out[0], out[1], on, sum(e.form == "sharp" for e in edges))
+    u = sigma_of(done.mesh)
+    near = done.constructed & (tree.query(done.mesh.vertices)[0] < NEAR_EDGE)
+    told = math.nan if u is None else 1e3 * float(np.sqrt(np.mean(u[near] ** 2)))
+    return _NearEdges(out[0], out[1], on, told, sum(e.form == "sharp" for e in edges))
 
 
 def _is_there(s: Shape, X: Floats, place: Pose, distance: Distance, usual: float) -> bool:
