@@ -187,10 +187,13 @@ def found_on(task: Task, folder: Path) -> Found:
     usual = math.nan if known is None else float(np.median(known))
     if task.plain:
         mesh, moves = Mesh(mesh.vertices.astype(np.float32).astype(float), mesh.faces), []
-    start = time.process_time()
-    found = find_shapes(mesh, moves=moves)
-    sizes = sizes_between(mesh, found)
-    return Found(mesh, found, sizes, time.process_time() - start, made, believed, usual)
+    spent = list[float]()
+    for _ in range(2):  # the first may compile
+        start = time.process_time()
+        found = find_shapes(mesh, moves=moves)
+        sizes = sizes_between(mesh, found)
+        spent.append(time.process_time() - start)
+    return Found(mesh, found, sizes, min(spent), made, believed, usual)
 
 
 def _believed(task: Task, made: Bench, folder: Path) -> Rig:

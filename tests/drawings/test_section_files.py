@@ -16,8 +16,9 @@ import pytest
 from ezdxf.document import Drawing
 
 from tests.needs import needs
-from tests.shapes.outlines import regular, rounded_polygon, wall
+from tests.shapes.outlines import along, regular, rounded_polygon, wall
 from turnscan.drawings import (
+    draw_section,
     section_report,
     with_sigma,
     write_section_dxf,
@@ -169,6 +170,25 @@ def test_many_sections_stand_beside_each_other() -> None:
     spans = sorted((min(p[0] for p in e), max(p[0] for p in e)) for e in rings)
     assert len(spans) == 10
     assert all(a[1] < b[0] for a, b in pairwise(spans))
+
+
+def test_a_text_that_is_wider_than_its_dimension_stands_clear_of_the_extension_lines() -> None:
+    slim = np.array([[3, -30], [3, 30], [-3, 30], [-3, -30.0]])
+    mesh = wall(along(slim, 1.0), np.array([0.0, 1.0]), 0.01)
+    figure = draw_section(fit_section(mesh, plane_cut([0, 0, 1], 0.4, "z = 0.4")), "slim")
+    figure.canvas.draw()
+    [axes] = figure.axes
+    [text] = [t for t in axes.texts if t.get_text().startswith(("5.9", "6.0"))]
+    box = text.get_window_extent()
+    assert box.width > 2 * axes.transData.get_matrix()[0, 0] * 6  # wider than it is drawn, 2 : 1
+    upright = [
+        line
+        for line in (axes.transData.transform(np.column_stack(x.get_data())) for x in axes.lines)
+        if len(line) == 2 and abs(line[0, 0] - line[1, 0]) < 0.1
+    ]
+    below = [line for line in upright if box.x0 < line[0, 0] < box.x1]
+    assert len(below) >= 2
+    assert all(line[:, 1].min() >= box.y1 for line in below)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,8 @@ _AXIS = 0.9998
 """Cosine from which a distance is along the width or height."""
 _SLIM = 0.82
 """Width of a letter per height."""
+_CLEAR = 1.4
+"""Heights of a letter from a dimension line to the middle of a text that is wider than the line."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,8 @@ def _between(
     arrows = (
         marks.arrow(p, -along if inside else along), marks.arrow(q, along if inside else -along)
     )  # fmt: skip
-    at = (p + q) / 2 + 0.9 * h * out
+    wide = len(text) * _SLIM * h > float(np.linalg.norm(q - p)) - h
+    at = (p + q) / 2 + (_CLEAR if wide else 0.9) * h * out  # it would stand on the extension lines
     label = marks.label(at, text, np.arctan2(along[1], along[0]), must=True)
     assert label is not None
     _linear(marks, ends if measured is None else measured, q, label, strokes, arrows)
