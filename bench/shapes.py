@@ -322,16 +322,17 @@ class _NearEdges:
     after: float
     """With the true edges."""
     on_edge: float
+    laid: float
+    """The same of the vertices there that were laid onto shapes."""
     told: float
-    """Of the standard uncertainties that the vertices there claim, which the shapes gave them; NaN
-    where the mesh knows none."""
+    """Of the standard uncertainties that these claim; NaN where the mesh knows none."""
     sharp: int
     """Edges."""
 
     def line(self, name: str) -> str:
         """The row of a part."""
         known = f"{1e-3 * self.told:.4f}" if self.told == self.told else ""
-        kept = f"{self.after / (2 * self.told):.2f}" if self.told == self.told else ""
+        kept = f"{self.laid / (2 * self.told):.2f}" if self.told == self.told else ""
         return (
             f"| {name} | {self.sharp} sharp edges: surface within {NEAR_EDGE:g} mm, rms | 0 | "
             f"{self.before:.1f} → {self.after:.1f} µm | {known} | {self.on_edge:.1f} on the edge "
@@ -357,8 +358,10 @@ def _near_edges(mesh: Mesh, found: ShapeSet, part: Part, place: Pose) -> _NearEd
     on = 1e3 * float(np.sqrt(np.mean(edge**2)))
     u = sigma_of(done.mesh)
     near = done.constructed & (tree.query(done.mesh.vertices)[0] < NEAR_EDGE)
+    off = part.distance(place.apply(done.mesh.vertices[near]))
+    laid = 1e3 * float(np.sqrt(np.mean(off**2)))
     told = math.nan if u is None else 1e3 * float(np.sqrt(np.mean(u[near] ** 2)))
-    return _NearEdges(out[0], out[1], on, told, sum(e.form == "sharp" for e in edges))
+    return _NearEdges(out[0], out[1], on, laid, told, sum(e.form == "sharp" for e in edges))
 
 
 def _is_there(s: Shape, X: Floats, place: Pose, distance: Distance, usual: float) -> bool:
