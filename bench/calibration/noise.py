@@ -3,7 +3,7 @@
 Boards held freely, as `bench._rigs.from_pictures` holds them: what is found in the pictures against
 where the true rig sees it. What is drawn in place of pictures (`bench._drawn`) has the figures of
 the modern rig. Of each rig, how far the mean of a stripe is off as it is seen on the print, and
-where its light fell (`stripe_places_on_print`).
+where its light fell (`stripes_on_print`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from bench._rigs import BOARD, MARGIN, PRINT, ROOM, held_boards
 from bench.calibration._figures import Figure
 from turnscan.arrays import Floats
 from turnscan.calibrate import LaserPicture, detect_board, stripe_light
-from turnscan.calibrate._select import board_stripe_of, on_board
+from turnscan.calibrate._select import on_board, straighter
 from turnscan.rig import Pose
 from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of
 
@@ -96,7 +96,15 @@ def _errors(made: Bench, at: Pose, seconds: float) -> _Errors:
         return np.asarray(found[:, 0] - np.interp(found[:, 1], true[:, 1], true[:, 0]))
 
     seen = on_board(rig.camera, lit.candidates, BOARD, T, MARGIN)
-    return _Errors(off, across(seen), across(board_stripe_of(rig.camera, lit, T, MARGIN)))
+    return _Errors(
+        off,
+        across(seen),
+        across(
+            on_board(
+                rig.camera, straighter(rig.camera, lit, T, MARGIN).candidates, BOARD, T, MARGIN
+            )
+        ),
+    )
 
 
 __all__ = ["figures"]

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate import BoardView, Chessboard, LaserPicture, stripe_light
-from turnscan.calibrate._select import board_stripe_of
+from turnscan.calibrate._select import on_board, straighter
 from turnscan.rig import Camera, Pose
 
 SHAPE = (140, 160)
@@ -74,6 +74,9 @@ def test_a_stripe_is_where_its_light_fell_on_the_print(turn: float, width: float
     assert np.std(seen) > 1.5 * np.std(fell)
     assert 0.9 * white < np.std(fell) < 2 * black
     assert abs(np.mean(fell)) < 3 * black / np.sqrt(len(fell))
+    assert light.widths_on_print is not None
+    wide = np.median(light.widths_on_print[np.abs(light.on_print[:, 0] - 80.0) < 20])
+    assert abs(wide / np.hypot(width, BLUR) - 1) < 0.05
 
 
 @settings(max_examples=12, deadline=None)
@@ -137,7 +140,8 @@ def test_the_straighter_stripe_is_taken() -> None:
 
     def stripe(on_print: Floats | None) -> Floats:
         picture = LaserPicture(view, light.places, on_print=on_print)
-        return board_stripe_of(camera, picture, pose, 10.0)
+        taken = straighter(camera, picture, pose, 10.0)
+        return on_board(camera, taken.candidates, board, pose, 10.0)
 
     assert light.on_print is not None
     seen, fell = stripe(None), stripe(light.on_print)

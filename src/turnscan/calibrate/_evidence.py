@@ -27,11 +27,20 @@ class LaserPicture:
     on_print: Floats | None = None
     """(n, 2) px: the candidates as light that fell on the board's print, from `stripe_light`; None
     where there is no picture without the laser."""
+    widths_on_print: Floats | None = None
+    """(n,) px rms of that light."""
 
     @classmethod
     def of(cls, view: BoardView, light: StripeLight, margin: Floats | None = None) -> LaserPicture:
         """With what `stripe_light` found."""
-        return cls(view, light.places, margin, light.widths, light.on_print)
+        return cls(view, light.places, margin, light.widths, light.on_print, light.widths_on_print)
+
+    @property
+    def printed(self) -> LaserPicture:
+        """The same with the light as it fell on the print; itself where that is not known."""
+        if self.on_print is None:
+            return self
+        return LaserPicture(self.view, self.on_print, self.margin, self.widths_on_print)
 
     def around(self, settings: CalibrationSettings) -> float | Floats:
         """mm of board around the pattern: as the user says, else as the picture shows."""

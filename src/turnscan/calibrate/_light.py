@@ -31,8 +31,10 @@ class StripeLight(NamedTuple):
     """(n,) px rms of the light there."""
     on_print: Floats | None
     """(n, 2) px: the places of the light that fell on the print which the laser-off picture shows
-    (`stripe_places_on_print`), None without one. Half on white and half on black, a stripe is seen
-    on the white."""
+    (`stripes_on_print`), None without one. Half on white and half on black, a stripe is seen on the
+    white."""
+    widths_on_print: Floats | None
+    """(n,) px rms of that light."""
 
 
 def stripe_light(
@@ -70,9 +72,9 @@ def stripe_light(
         return np.stack(pair, axis=1).astype(np.float64)
 
     if dark is None:
-        return StripeLight(pixels(across), widths, None)
-    on_print = _on_print(signal, background, line.astype(np.int32), across, widths, orientation)
-    return StripeLight(pixels(across), widths, pixels(on_print))
+        return StripeLight(pixels(across), widths, None, None)
+    fell, wide = _on_print(signal, background, line.astype(np.int32), across, widths, orientation)
+    return StripeLight(pixels(across), widths, pixels(fell), wide)
 
 
 def _on_print(
@@ -83,18 +85,19 @@ def _on_print(
     width: Floats,
     orientation: Orientation,
 ) -> Floats:
-    """Places (n,) px across of stripes whose light fell on what ``dark`` (H, W) shows."""
-    from turnscan.calibrate._light_kernels import stripe_places_on_print
+    """Places (2, n) px across of stripes whose light fell on what ``dark`` (H, W) shows, and their
+    widths, px rms."""
+    from turnscan.calibrate._light_kernels import stripes_on_print
 
     if orientation == "horizontal":
         lit, dark = lit.T, dark.T
     full = float(max(lit.max(), 1))
-    places: Floats = stripe_places_on_print(
+    found: Floats = stripes_on_print(
         np.ascontiguousarray(lit), np.ascontiguousarray(dark), line,
         np.asarray(across, dtype=np.float64), np.asarray(width, dtype=np.float64),
         full / 255.0, _CLIPPED * full,
     )  # fmt: skip
-    return places
+    return found
 
 
 def _along_lines(

@@ -67,10 +67,11 @@ def running_median(lines: Words, window: int) -> Words:
 
 
 @njit(cache=True, nogil=True)
-def stripe_places_on_print(
+def stripes_on_print(
     lit: Words, dark: Words, line: Ints, across: Floats, width: Floats, level: float, top: float
 ) -> Floats:
-    """Where stripes lie that cross a print: (n,) px along a line.
+    """Where stripes lie that cross a print, and how wide they are: (2, n) px and px rms along a
+    line.
 
     ``lit`` and ``dark`` (lines, columns) are the pictures with the laser and without, ``line`` (n,)
     and ``across`` (n,) px where stripes were found, ``width`` (n,) px rms; ``level`` is one grey
@@ -79,8 +80,9 @@ def stripe_places_on_print(
     astray, a stripe stays where it was found.
     """
     columns = lit.shape[1]
-    out = across.copy()
+    out = np.empty((2, len(across)))
     for i in range(len(across)):
+        out[0, i], out[1, i] = across[i], width[i]
         found = min(max(width[i], _NARROW), _WIDE)
         reach = math.ceil(_REACH * found) + 2
         first = max(int(across[i]) - reach, 0)
@@ -92,18 +94,20 @@ def stripe_places_on_print(
         if clipped or last - first < _LEAST_PIXELS or paper < _LIT * (last - first):
             continue
         start = across[i] - first
-        place = _profile_place(
-            lit[line[i], first:last], dark[line[i], first:last], start, found, level
-        )
+        seen, ground = lit[line[i], first:last], dark[line[i], first:last]
+        place, wide = _profile(seen, ground, start, found, level)
         if abs(place - start) < _AWAY * found:
-            out[i] = first + place
+            out[0, i], out[1, i] = first + place, wide
     return out
 
 
 @njit(cache=True, nogil=True)
-def _profile_place(lit: Words, dark: Words, start: float, found: float, level: float) -> float:
-    """The place c of a · dark · exp(-(u - c)² / 2 w²) in lit - dark, (n,) along a line, by
-    Gauss-Newton in (a, c, w) weighted by the noise of both pictures; ``start`` where it fails."""
+def _profile(
+    lit: Words, dark: Words, start: float, found: float, level: float
+) -> tuple[float, float]:
+    """The place c and width w of a · dark · exp(-(u - c)² / 2 w²) in lit - dark, (n,) along a line, by
+    Gauss-Newton in (a, c, w) weighted by the noise of both pictures; ``start`` and ``found`` where
+    it fails."""
     c, w, a = start, found, 0.0
     for turn in range(_ROUNDS):
         haa = hac = haw = hcc = hcw = hww = ga = gc = gw = 0.0
@@ -126,19 +130,19 @@ def _profile_place(lit: Words, dark: Words, start: float, found: float, level: f
             gc += weight * by_c * off
             gw += weight * by_w * off
         if haa <= 0.0:
-            return start
+            return start, found
         if turn == 0:
             a = ga / haa  # of the profile as it was found; no other term has a slope yet
             continue
         da, dc, dw = _solved(haa, hac, haw, hcc, hcw, hww, ga, gc, gw)
         if not math.isfinite(dc) or a + da <= 0.0:
-            return start
+            return start, found
         a += da
         c += min(max(dc, -0.5 * w), 0.5 * w)
         w = min(max(w + dw, found / _OTHER_WIDTH), found * _OTHER_WIDTH)
         if abs(dc) < _STILL:
-            return c
-    return start
+            return c, w
+    return start, found
 
 
 @njit(cache=True, nogil=True)

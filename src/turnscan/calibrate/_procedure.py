@@ -15,7 +15,7 @@ from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._prior import RigPrior, like, prior_of
-from turnscan.calibrate._select import board_stripe_of, on_platter
+from turnscan.calibrate._select import on_board, on_platter, straighter
 from turnscan.calibrate._start import FEWEST_VIEWS, board_pose, same_size, start_camera, start_sheet
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._state import RiderView, State, StripeView
@@ -261,6 +261,19 @@ def _refuse_unsure_focus(fit: Fit[State]) -> None:
         )
 
 
+def straightened(
+    state: State,
+    first: int,
+    with_stripe: list[tuple[str, LaserPicture]],
+    settings: CalibrationSettings,
+) -> list[tuple[str, LaserPicture]]:
+    """The pictures of boards under lasers, each with the light that makes its stripe straighter."""
+    return [
+        (name, straighter(state.rig.camera, p, state.poses[first + i], p.around(settings)))
+        for i, (name, p) in enumerate(with_stripe)
+    ]
+
+
 def sheet_stage(
     state: State,
     first: int,
@@ -281,7 +294,7 @@ def sheet_stage(
         for i in mine:
             view, pose = with_stripe[i][1].view, state.poses[first + i]
             picture = with_stripe[i][1]
-            px = board_stripe_of(camera, picture, pose, picture.around(settings))
+            px = on_board(camera, picture.candidates, view.board, pose, picture.around(settings))
             if not len(px):
                 reason = "no straight stripe on the board or its margin"
                 rejected.append(Rejected(f"laser {name}", view.name, reason))

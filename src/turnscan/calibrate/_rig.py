@@ -24,6 +24,7 @@ from turnscan.calibrate._procedure import (
     refuse_no_boards,
     same_picture,
     sheet_stage,
+    straightened,
     table_stage,
     with_rest,
 )
@@ -95,6 +96,7 @@ def calibrate_rig(
         say(f"camera: {len(_merged(shown, ())[1])} board views")
     stripes: tuple[tuple[StripeView, ...], ...] = ()
     if lasers:
+        with_stripe = straightened(state, len(kept), with_stripe, settings)
         state, stripes = sheet_stage(state, len(kept), with_stripe, settings, rejected, known)
         say(f"laser: {sum(len(s) for s in stripes)} stripes on boards")
     nothing: tuple[StripeView, ...] = ()

@@ -42,22 +42,26 @@ def on_board(
     return _on_plane(camera, candidates, pose, inside)
 
 
-def board_stripe_of(
+def straighter(
     camera: Camera, picture: LaserPicture, pose: Pose, margin: float | Floats
-) -> Floats:
-    """The stripe on the board of a picture → (k, 2) px, by the straighter of its candidates.
+) -> LaserPicture:
+    """The picture with the light as it was found, or as it fell on the print: by which of them the
+    stripe on its board is straighter.
 
     Where a stripe crosses the print, its light as it fell there makes it straight; a picture whose
     grey values are clipped, or go with the light in a way that the print does not show, is
     straighter as it was found.
     """
-    found = on_board(camera, picture.candidates, picture.view.board, pose, margin)
     if picture.on_print is None:
-        return found
-    printed = on_board(camera, picture.on_print, picture.view.board, pose, margin)
+        return picture
+    found, printed = (
+        on_board(camera, candidates, picture.view.board, pose, margin)
+        for candidates in (picture.candidates, picture.on_print)
+    )
     if len(printed) < max(_AS_LONG * len(found), FEWEST_POINTS):
-        return found
-    return printed if _unevenness(camera, printed) < _unevenness(camera, found) else found
+        return picture
+    better = _unevenness(camera, printed) < _unevenness(camera, found)
+    return picture.printed if better else picture
 
 
 def _unevenness(camera: Camera, pixels: Floats) -> float:

@@ -381,7 +381,7 @@ def printed_board(board: Board, rulers: tuple[float, float]) -> Board:
 
 def _light(shot: Shot, view: BoardView, orientation: Orientation) -> StripeLight:
     """Where the stripe of a picture could be; nowhere where it misses the board."""
-    nothing = StripeLight(np.zeros((0, 2)), np.zeros(0), None)
+    nothing = StripeLight(np.zeros((0, 2)), np.zeros(0), None, None)
     if view.failure or shot.lit is None:
         return nothing
     weights = None
