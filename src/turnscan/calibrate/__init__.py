@@ -14,7 +14,7 @@ from turnscan.calibrate._board import (
 from turnscan.calibrate._bodies import Balls, Round
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, TablePicture
 from turnscan.calibrate._findings import findings_of
-from turnscan.calibrate._light import StripeLight, laser_weights, stripe_light
+from turnscan.calibrate._light import laser_weights, stripe_light
 from turnscan.calibrate._limits import refuse_poor
 from turnscan.calibrate._margin import white_margin
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
@@ -55,7 +55,6 @@ __all__ = [
     "RefineSettings",
     "Refined",
     "Round",
-    "StripeLight",
     "Sweep",
     "TablePicture",
     "advice_of",

@@ -105,9 +105,11 @@ def stripes_on_print(
 def _profile(
     lit: Words, dark: Words, start: float, found: float, level: float
 ) -> tuple[float, float]:
-    """The place c and width w of a · dark · exp(-(u - c)² / 2 w²) in lit - dark, (n,) along a line, by
-    Gauss-Newton in (a, c, w) weighted by the noise of both pictures; ``start`` and ``found`` where
-    it fails."""
+    """The place c and width w of a · dark · exp(-(u - c)² / 2 w²) in lit - dark, (n,) along a line.
+
+    By Gauss-Newton in (a, c, w) weighted by the noise of both pictures; ``start`` and ``found``
+    where it fails.
+    """
     c, w, a = start, found, 0.0
     for turn in range(_ROUNDS):
         haa = hac = haw = hcc = hcw = hww = ga = gc = gw = 0.0

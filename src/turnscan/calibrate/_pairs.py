@@ -50,9 +50,10 @@ def fit_sheet(
     """
     views = [p.view for p in boards]
     poses = [board_pose(camera, v) for v in views]
+    lit = [straighter(camera, p, T, margin) for p, T in zip(boards, poses, strict=True)]
     pixels = [
-        on_board(camera, straighter(camera, p, T, margin).candidates, p.view.board, T, margin)
-        for p, T in zip(boards, poses, strict=True)
+        on_board(camera, p.candidates, p.view.board, T, margin)
+        for p, T in zip(lit, poses, strict=True)
     ]
     seen = [i for i, px in enumerate(pixels) if len(px)]
     clouds = []

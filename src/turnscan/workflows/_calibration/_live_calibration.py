@@ -21,7 +21,6 @@ from turnscan.calibrate import (
     CalibrationSettings,
     Charuco,
     LaserPicture,
-    StripeLight,
     TablePicture,
     advice_of,
     aruco_dictionary,
@@ -196,8 +195,7 @@ class LiveCalibration:
                 self._camera[number] = view
             return self._of_camera(number, view)
         margin = None if view.failure else white_margin(shot.dark, view)
-        light = _light(shot, view, self._settings.orientation)
-        lit = LaserPicture.of(view, light, margin)
+        lit = _lit_board(shot, view, margin, self._settings.orientation)
         with self._lock:
             self._lasers[number] = shot.laser, lit
         return self._of_laser(number, shot.laser, lit)
@@ -379,9 +377,11 @@ def printed_board(board: Board, rulers: tuple[float, float]) -> Board:
     return replace(board, square=board.square * scale)
 
 
-def _light(shot: Shot, view: BoardView, orientation: Orientation) -> StripeLight:
-    """Where the stripe of a picture could be; nowhere where it misses the board."""
-    nothing = StripeLight(np.zeros((0, 2)), np.zeros(0), None, None)
+def _lit_board(
+    shot: Shot, view: BoardView, margin: Floats | None, orientation: Orientation
+) -> LaserPicture:
+    """A board with the stripe's candidates; none where the stripe misses the board."""
+    nothing = LaserPicture(view, np.zeros((0, 2)), margin, np.zeros(0))
     if view.failure or shot.lit is None:
         return nothing
     weights = None
@@ -392,7 +392,8 @@ def _light(shot: Shot, view: BoardView, orientation: Orientation) -> StripeLight
     mask = np.zeros(shot.lit.shape[:2], np.uint8)
     cv2.fillConvexPoly(mask, cv2.convexHull(view.corners.round().astype(np.int32)), 1)
     u, v = light.places.round().astype(int).T
-    return light if np.count_nonzero(mask[v, u]) >= _FEWEST_LINES else nothing
+    met = np.count_nonzero(mask[v, u]) >= _FEWEST_LINES
+    return LaserPicture.of(view, light, margin) if met else nothing
 
 
 def _why_not(picture: TablePicture) -> str:
