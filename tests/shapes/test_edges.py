@@ -88,6 +88,25 @@ def test_what_is_constructed_is_marked_and_the_rest_stays(hexagon: Mesh, sharp: 
     assert len(boundary_loops(sharp.mesh)) == len(boundary_loops(hexagon)) == 2
 
 
+def test_no_vertex_is_laid_beyond_an_edge_where_a_face_would_fold(hexagon: Mesh) -> None:
+    """Rows that end at different places beside an edge, some of them behind it: those that could
+    not be pulled onto it stayed on the side's plane, outside of the part."""
+    X = hexagon.vertices.copy()
+    near = np.flatnonzero(_near_edges(X) < 1.0)
+    k = np.arange(6) * np.pi / 3 + TURN + np.pi / 6
+    out = np.stack([np.cos(k), np.sin(k)])
+    n = out[:, (X[near, :2] @ out).argmax(axis=1)].T
+    way = np.random.default_rng(3).normal(0, 0.6, len(near))
+    X[near, :2] += way[:, None] * np.column_stack([-n[:, 1], n[:, 0]])
+    ragged = replace(hexagon, vertices=X)
+    found, edges = _made(ragged)
+    done = sharpened(ragged, found, edges)
+    off = _off_hexagon(done.mesh.vertices[done.constructed])
+    assert len(off) > 1000
+    assert off.max() < 0.02
+    assert 0.001 < np.sqrt(np.mean(off**2)) < 0.006
+
+
 def _rounded(radius: float, half: float = 20.0) -> list[tuple[float, float]]:
     """A square with rounded corners, counter-clockwise."""
     out = []

@@ -123,6 +123,28 @@ class _Work:
             goal[at] = q[fine]
             chosen[at] = True
         self.edge = self._move(chosen, goal)
+        self._return()
+
+    def _return(self) -> None:
+        """Vertices that are still beyond an edge, as a face would have folded over, go to the shape
+        on that side; else back to where they were measured."""
+        astray = np.flatnonzero(self._beyond() & ~self.edge)
+        goal = self.X.copy()
+        for k, s in enumerate(self.found.shapes):
+            some = astray[self.other[astray] == k]
+            for _ in range(3):
+                d, n = normals_and_distances(s, goal[some])
+                goal[some] -= d[:, None] * n
+        chosen = np.zeros(len(self.X), dtype=np.bool_)
+        chosen[astray] = True
+        refused = self.left
+        over = self._move(chosen, goal)
+        self.label[over], self.other[over] = self.other[over], self.label[over]
+        left = chosen & ~over & self.moved
+        back = self._move(left, self.mesh.vertices)
+        self.moved &= ~back
+        self.near &= ~back
+        self.left = refused - int(over.sum())  # the rest of them was refused before
 
     def _beyond(self) -> Bools:
         """Vertices that lie on the far side of the edge that they are beside."""
