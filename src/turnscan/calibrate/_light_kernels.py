@@ -83,6 +83,8 @@ def stripes_on_print(
     out = np.empty((2, len(across)))
     for i in range(len(across)):
         out[0, i], out[1, i] = across[i], width[i]
+        if not width[i] > 0.0:
+            continue
         found = min(max(width[i], _NARROW), _WIDE)
         reach = math.ceil(_REACH * found) + 2
         first = max(int(across[i]) - reach, 0)
