@@ -402,7 +402,6 @@ def test_bad_input_is_one_line_and_changes_nothing(
         (["--angles", "nothing.csv"], "no such file"),
         (["--angles", "step:1", "--lit", "left"], "give PICTURES of one laser, or --lit"),
         (["--angles", "step:1", "--first-step", "3"], "lower numbers"),
-        (["--angles", "step:1", "-o", "no-such-folder/a.turnscan"], "no folder"),
     ],
 )
 def test_bad_options(tmp_path: Path, args: list[str], words: str) -> None:
@@ -413,8 +412,10 @@ def test_bad_options(tmp_path: Path, args: list[str], words: str) -> None:
     assert not (tmp_path / "a.turnscan").exists()
 
 
-def test_a_target_that_is_a_folder(tmp_path: Path) -> None:
+def test_a_target_that_is_a_folder_or_in_none(tmp_path: Path) -> None:
     lit = folder(tmp_path / "on", list(range(3)))
+    with pytest.raises(ExportError, match="no folder"):
+        run(lit, "-o", tmp_path / "nowhere" / "a.turnscan", "--angles", "step:1")
     (tmp_path / "a.turnscan").mkdir()
     with pytest.raises(ExportError, match="a folder"):
         run(lit, "-o", tmp_path / "a.turnscan", "--angles", "step:1")

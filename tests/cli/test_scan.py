@@ -183,13 +183,14 @@ def test_the_exposure_is_found_on_the_stripe(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (["--exposure", "0.1"], "fixed and automatic exposure are mutually exclusive"),
+        (["--device", "sim:cup?speckle=no", "--exposure", "0.1"],
+         "fixed and automatic exposure are mutually exclusive"),
         (["--device", "sim:cup?speckle=no&stuck_off=right"], "no stripe is found"),
     ],
-)
+)  # fmt: skip
 def test_an_exposure_that_cannot_be_found(more: list[str], said: str, tmp_path: Path) -> None:
     path = tmp_path / "auto.turnscan"
-    words = ["--device", "sim:cup?speckle=no", "--steps", "1", "--auto-exposure", *more]
+    words = ["--steps", "1", "--auto-exposure", *more]
     result = cli("scan", path, *words)
     assert isinstance(result.exception, InputError)
     assert said in str(result.exception)
