@@ -96,8 +96,7 @@ def _errors(made: Bench, at: Pose, seconds: float) -> _Errors:
         return np.asarray(found[:, 0] - np.interp(found[:, 1], true[:, 1], true[:, 0]))
 
     seen = on_board(rig.camera, lit.candidates, BOARD, T, MARGIN)
-    taken = straighter(rig.camera, lit, T, MARGIN)
-    fell = on_board(rig.camera, taken.candidates, BOARD, T, MARGIN)
+    _, fell = straighter(rig.camera, lit, T, MARGIN)
     return _Errors(off, across(seen), across(fell))
 
 

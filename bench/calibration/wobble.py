@@ -124,13 +124,17 @@ def _boxes(rigs: Sequence[Rig], true: Sequence[Wobble]) -> Iterator[Figure]:
 def form(rig: Rig, seen: Sequence[Stripe]) -> float:
     """mm rms by which the points are off the box, laid where it fits them best."""
     grid = build_grid(rig, "laser", seen, np.arange(STEPS), full_turn(STEPS))
-    points = grid.points[grid.found]
+    return float(np.sqrt(np.mean(off_box(grid.points[grid.found]) ** 2)))
+
+
+def off_box(points: Floats) -> Floats:
+    """(n,) mm by which points (n, 3) are off the box, laid where it fits them best."""
 
     def rest(x: Floats) -> Floats:
         return np.asarray(np.clip(BOX(points @ rotation_from_vector(x[:3]).T + x[3:]), -_FAR, _FAR))
 
     laid = least_squares(rest, np.zeros(6), loss="soft_l1", f_scale=0.1)
-    return float(np.sqrt(np.mean(rest(laid.x) ** 2)))
+    return rest(laid.x)
 
 
-__all__ = ["drawn", "figures", "form"]
+__all__ = ["BOX", "drawn", "figures", "form", "off_box"]

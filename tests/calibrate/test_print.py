@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate import BoardView, Chessboard, LaserPicture, stripe_light
-from turnscan.calibrate._select import on_board, straighter
+from turnscan.calibrate._select import straighter
 from turnscan.rig import Camera, Pose
 
 SHAPE = (140, 160)
@@ -140,8 +140,7 @@ def test_the_straighter_stripe_is_taken() -> None:
 
     def stripe(on_print: Floats | None) -> Floats:
         picture = LaserPicture(view, light.places, on_print=on_print)
-        taken = straighter(camera, picture, pose, 10.0)
-        return on_board(camera, taken.candidates, board, pose, 10.0)
+        return straighter(camera, picture, pose, 10.0)[1]
 
     assert light.on_print is not None
     seen, fell = stripe(None), stripe(light.on_print)

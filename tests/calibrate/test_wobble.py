@@ -10,11 +10,11 @@ import pytest
 from bench._rigs import BOARD as PRINTED
 from bench._rigs import PRINT
 from bench.calibration._worlds import SMALL, USUAL, Pictures
+from bench.calibration.wobble import BOX, off_box
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import least_squares
 
-from tests.analytic import box, full_turn, scan_shape, with_noise
+from tests.analytic import full_turn, scan_shape, with_noise
 from tests.calibrate.world import World, problem, true_layout, true_rig
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
@@ -305,19 +305,6 @@ def test_a_marker_tells_the_angle_of_a_table_whose_axis_moves() -> None:
         assert have.residual_px < 1e-6 < 0.02 < without.residual_px
 
 
-BOX = box((22.0, 14.0, 30.0), (6.0, -4.0, 32.0), 0.3)
-
-
-def _off_shape(P: Floats) -> Floats:
-    """(n,) mm by which points are off the box, laid where it fits them best."""
-
-    def rest(x: Floats) -> Floats:
-        near = BOX(P @ rotation_from_vector(x[:3]).T + x[3:])
-        return np.asarray(np.clip(near, -0.5, 0.5))
-
-    return rest(least_squares(rest, np.zeros(6), loss="soft_l1", f_scale=0.1).x)
-
-
 def test_a_part_that_such_a_table_bends_is_straight_again() -> None:
     """From the calibration to the scan: a box beside the axis, 72 steps."""
     true = replace(true_rig(), wobble=WILD)
@@ -330,7 +317,7 @@ def test_a_part_that_such_a_table_bends_is_straight_again() -> None:
 
     def off_by(rig: Rig, noise: float = 0.0) -> float:
         scanned = grid(rig, noise)
-        return float(np.sqrt(np.mean(_off_shape(scanned.points[scanned.found]) ** 2)))
+        return float(np.sqrt(np.mean(off_box(scanned.points[scanned.found]) ** 2)))
 
     without = replace(rig, wobble=None, covariance=None)
     stated = float(np.median(systematic_sigma(rig, grid(rig, 0.0))))

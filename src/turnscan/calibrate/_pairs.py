@@ -15,7 +15,7 @@ from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._observations import stripe_kind as kind_of
 from turnscan.calibrate._residuals import trace
-from turnscan.calibrate._select import on_board, straighter
+from turnscan.calibrate._select import straighter
 from turnscan.calibrate._start import board_pose, start_sheet
 from turnscan.calibrate._state import State, StripeView, board_stripe
 from turnscan.rig import Camera, LaserSheet, Pose, Rig
@@ -50,11 +50,7 @@ def fit_sheet(
     """
     views = [p.view for p in boards]
     poses = [board_pose(camera, v) for v in views]
-    lit = [straighter(camera, p, T, margin) for p, T in zip(boards, poses, strict=True)]
-    pixels = [
-        on_board(camera, p.candidates, p.view.board, T, margin)
-        for p, T in zip(lit, poses, strict=True)
-    ]
+    pixels = [straighter(camera, p, T, margin)[1] for p, T in zip(boards, poses, strict=True)]
     seen = [i for i, px in enumerate(pixels) if len(px)]
     clouds = []
     for i in seen:

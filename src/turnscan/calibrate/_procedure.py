@@ -15,7 +15,7 @@ from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._prior import RigPrior, like, prior_of
-from turnscan.calibrate._select import on_board, on_platter, straighter
+from turnscan.calibrate._select import on_platter, straighter
 from turnscan.calibrate._start import FEWEST_VIEWS, board_pose, same_size, start_camera, start_sheet
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._state import RiderView, State, StripeView
@@ -261,19 +261,6 @@ def _refuse_unsure_focus(fit: Fit[State]) -> None:
         )
 
 
-def straightened(
-    state: State,
-    first: int,
-    with_stripe: list[tuple[str, LaserPicture]],
-    settings: CalibrationSettings,
-) -> list[tuple[str, LaserPicture]]:
-    """The pictures of boards under lasers, each with the light that makes its stripe straighter."""
-    return [
-        (name, straighter(state.rig.camera, p, state.poses[first + i], p.around(settings)))
-        for i, (name, p) in enumerate(with_stripe)
-    ]
-
-
 def sheet_stage(
     state: State,
     first: int,
@@ -281,11 +268,13 @@ def sheet_stage(
     settings: CalibrationSettings,
     rejected: list[Rejected],
     known: KnownRig | None = None,
-) -> tuple[State, tuple[tuple[StripeView, ...], ...]]:
-    """Which candidates are the stripe on each board, and a plane through them for every laser."""
+) -> tuple[State, tuple[tuple[StripeView, ...], ...], tuple[LaserPicture, ...]]:
+    """Which candidates are the stripe on each board, and a plane through them for every laser; and
+    the pictures, each with the light that makes its stripe straighter."""
     camera = state.rig.camera
     direction = measuring_direction(settings.orientation)
     stripes: list[tuple[StripeView, ...]] = [()] * len(with_stripe)
+    pictures = [p for _, p in with_stripe]
     sheets = []
     for name in dict.fromkeys(n for n, _ in with_stripe):
         pixels, clouds = [], []
@@ -293,8 +282,8 @@ def sheet_stage(
         seen = []
         for i in mine:
             view, pose = with_stripe[i][1].view, state.poses[first + i]
-            picture = with_stripe[i][1]
-            px = on_board(camera, picture.candidates, view.board, pose, picture.around(settings))
+            around = pictures[i].around(settings)
+            pictures[i], px = straighter(camera, pictures[i], pose, around)
             if not len(px):
                 reason = "no straight stripe on the board or its margin"
                 rejected.append(Rejected(f"laser {name}", view.name, reason))
@@ -317,7 +306,7 @@ def sheet_stage(
         both = known is not None and known.counts and before is not None
         merged[sheet.name] = like(sheet, before) if both and before is not None else sheet
     rig = replace(state.rig, sheets=tuple(merged.values()))
-    return replace(state, rig=rig), tuple(stripes)
+    return replace(state, rig=rig), tuple(stripes), tuple(pictures)
 
 
 def _refuse_mixed(name: str, others: list[Floats], count: int) -> None:

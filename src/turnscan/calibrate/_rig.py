@@ -24,7 +24,6 @@ from turnscan.calibrate._procedure import (
     refuse_no_boards,
     same_picture,
     sheet_stage,
-    straightened,
     table_stage,
     with_rest,
 )
@@ -95,9 +94,9 @@ def calibrate_rig(
     if shown:
         say(f"camera: {len(_merged(shown, ())[1])} board views")
     stripes: tuple[tuple[StripeView, ...], ...] = ()
+    lit: tuple[LaserPicture, ...] = ()
     if lasers:
-        with_stripe = straightened(state, len(kept), with_stripe, settings)
-        state, stripes = sheet_stage(state, len(kept), with_stripe, settings, rejected, known)
+        state, stripes, lit = sheet_stage(state, len(kept), with_stripe, settings, rejected, known)
         say(f"laser: {sum(len(s) for s in stripes)} stripes on boards")
     nothing: tuple[StripeView, ...] = ()
     names = tuple(s.name for s in state.rig.sheets)
@@ -113,7 +112,7 @@ def calibrate_rig(
     done = _adjusted(state, network, used, settings, rejected, Stages(given, known))
     seen = [
         (picture, stripe, done.fit.state.poses[k])
-        for (_, picture), some, k in zip(with_stripe, stripes, where[len(kept) :], strict=False)
+        for picture, some, k in zip(lit, stripes, where[len(kept) :], strict=False)
         for stripe in some
     ]
     rig = replace(_with_thickness(done.rig, seen), evidence=_evidence(done.stages))

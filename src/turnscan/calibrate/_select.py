@@ -44,24 +44,22 @@ def on_board(
 
 def straighter(
     camera: Camera, picture: LaserPicture, pose: Pose, margin: float | Floats
-) -> LaserPicture:
-    """The picture with the light as it was found, or as it fell on the print: by which of them the
-    stripe on its board is straighter.
+) -> tuple[LaserPicture, Floats]:
+    """The picture with the light as it was found, or as it fell on the print, by which of them the
+    stripe on its board is straighter; and that stripe, (k, 2) px.
 
     Where a stripe crosses the print, its light as it fell there makes it straight; a picture whose
     grey values are clipped, or go with the light in a way that the print does not show, is
     straighter as it was found.
     """
+    found = on_board(camera, picture.candidates, picture.view.board, pose, margin)
     if picture.on_print is None:
-        return picture
-    found, printed = (
-        on_board(camera, candidates, picture.view.board, pose, margin)
-        for candidates in (picture.candidates, picture.on_print)
-    )
-    if len(printed) < max(_AS_LONG * len(found), FEWEST_POINTS):
-        return picture
-    better = _unevenness(camera, printed) < _unevenness(camera, found)
-    return picture.printed if better else picture
+        return picture, found
+    printed = on_board(camera, picture.on_print, picture.view.board, pose, margin)
+    long = len(printed) >= max(_AS_LONG * len(found), FEWEST_POINTS)
+    if long and _unevenness(camera, printed) < _unevenness(camera, found):
+        return picture.printed, printed
+    return picture, found
 
 
 def _unevenness(camera: Camera, pixels: Floats) -> float:
