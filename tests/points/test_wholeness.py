@@ -436,6 +436,26 @@ def test_a_stripe_that_the_end_of_a_wall_cuts_is_put_back(end, sign, c):
     assert not told.tail.any()
 
 
+@pytest.mark.parametrize("error", [0.9, 0.95, 1.05])
+def test_light_and_width_both_tell_how_much_of_a_stripe_is_cut(error):
+    """Speckle makes the stripe narrower or wider by ``error``; its light is that of the cut."""
+    c, end = 0.6, S - 1
+    off = norm.pdf(c) / norm.cdf(c)
+    narrow = error * np.sqrt(1 - c * off - off**2)
+    light = wall()
+    light.width[end] *= narrow
+    light.amplitude[end] *= norm.cdf(c) / narrow
+    told = wholeness(light)
+    by_both, alone = -told.shift[end] / 2.0, float(by_width(np.array([narrow]), 0.09)[0])
+    assert abs(alone - off) > 0.06
+    assert np.abs(by_both - off).max() < 0.7 * abs(alone - off)
+    # Where the two differ by more than they say, half of that is doubted.
+    light.amplitude[end] *= 1 / norm.cdf(c)
+    told = wholeness(light)
+    assert told.shift[end] == pytest.approx(-alone, rel=1e-6), "half of what the width says"
+    assert told.doubt[end] == pytest.approx(alone, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("end", "bright", "width", "tail"),
     [(0, 0.5, 1.0, True), (S - 1, 0.5, 1.0, True), (0, 0.7, 1.0, False), (0, 0.7, 0.5, True),

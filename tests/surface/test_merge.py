@@ -173,6 +173,33 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     assert capped.max() == pytest.approx(0.2, abs=0.05)
 
 
+def test_a_point_on_an_edge_counts_for_more_than_a_chord_beside_it():
+    """Of a hexagonal column one laser has a profile on every edge, known badly; the other none
+    there, so that its chord cuts all edges off."""
+    steps, reach = 60, 20.0
+    step, lasers = 2 * np.pi / steps, []
+    for name, shift in (("L0", 0.5), ("L1", 0.0)):
+        angles = (np.arange(steps) + shift) * step
+        side = reach * np.cos(np.pi / 6) / np.cos(angles % (np.pi / 3) - np.pi / 6)
+        grid = turned(angles, np.full(20, 1.0))
+        out = grid.points * [1.0, 1.0, 0.0]
+        on_edge = np.isclose(side, reach)[:, None] & np.ones((1, 20), bool)
+        lasers.append(
+            replace(
+                grid, laser=name, points=grid.points + out * (side - 1.0)[:, None, None],
+                sigma=np.where(on_edge, 0.5, 0.1),
+            )
+        )  # fmt: skip
+    low = side[1] + side[-1]  # of the profiles of L1 beside an edge
+    mesh, _ = merge(lasers, how="grid")
+    X = mesh.vertices
+    turn = np.arctan2(X[:, 1], X[:, 0]) / (np.pi / 3)
+    edge = np.abs(turn - np.round(turn)) < 1e-6
+    chord = reach - float(np.cos(np.pi / steps) * 0.5 * low)
+    assert edge.sum() >= 6 * 18
+    assert np.abs(np.hypot(*X[edge, :2].T) - reach).max() < 0.3 * chord
+
+
 def test_where_no_bend_was_seen_no_edge_says_that_there_is_none():
     """Two profiles have no bend; nor does what is stored last say one at the border of four."""
     (pair,) = range_surfaces(turned(np.arange(2) * 0.1, np.full(20, 20.0)))

@@ -24,7 +24,7 @@ from turnscan.points._creased import (
     creased,
     fineness,
 )
-from turnscan.points._cut import NOISE, by_width, lacking
+from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._own_light import Alone, Own, by_own_light
 from turnscan.threads import in_parts
@@ -279,32 +279,49 @@ def _judged(
     with np.errstate(invalid="ignore"):
         faint = some.light < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
         cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
-    off = np.where(first, some.side[0] * bias[0] * due[0], some.side[1] * bias[1] * due[1])
-    off = np.where(cut, np.nan_to_num(off), 0.0)
-    doubt = np.where(cut, MODEL * np.abs(off), doubt)
+    left = _left(width * some.light, first)
+    off, unsure = _cut_off(bias, due * some.side, left, cut, (first, known))
+    doubt = np.where(cut, unsure, doubt)
     shift = np.where(cut, np.where(known, off, 0.0), pulled)
     # As wide as it is due on one side: that it is narrow is told already, as far as that is known.
     fits = (np.abs(ratio - 1.0) <= _SMOOTH).any(axis=0)
     pinched = _pinched(width, some.light, some.beyond)
     doubt = np.maximum(doubt, np.where(fits, sure, 1.0) * pinched)
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
-    # Over a long step the profile beside may lie on another face, otherwise to the light; and where
-    # a stripe has no known width, nothing is told by its light.
-    lacking = some.fine * border * _lacking(width * some.light, first) * wide
-    doubt = np.maximum(doubt, np.nan_to_num(lacking) - np.abs(off))
+    # Where other surfaces throw light beside it, or a second one is grazed, a cut stripe is as wide
+    # as a whole one. Over a long step the profile beside may lie on another face, otherwise to the
+    # light; and where a stripe has no known width, nothing is told by its light.
+    less = some.fine * border * lacking(left) * wide
+    doubt = np.maximum(doubt, np.nan_to_num(less) - np.abs(off))
     return shift, doubt, border & faint, ratio
 
 
-def _lacking(flux: Floats, first: Bools) -> Floats:
-    """(s, n) by how many of its widths a stripe of so much light may be off, of which something
-    cut away what those of the profile beside have more, that after it where it is the ``first``.
-
-    Where other surfaces throw light beside it, or a second one is grazed, a cut stripe is as wide
-    as a whole one.
-    """
+def _left(flux: Floats, first: Bools) -> Floats:
+    """(s, n) how much light a stripe has of what the profile beside has, that after it where it is
+    the ``first``."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        left = flux / np.where(first, np.roll(flux, -1, 0), np.roll(flux, 1, 0))
-    return lacking(left)
+        return np.asarray(flux / np.where(first, np.roll(flux, -1, 0), np.roll(flux, 1, 0)))
+
+
+def _cut_off(
+    bias: Floats, due: Floats, left: Floats, cut: Bools, which: tuple[Bools, Bools]
+) -> tuple[Floats, Floats]:
+    """(s, n) px by which ``cut`` stripes are off, and that stays doubted of it; 0 for the others.
+
+    A Gaussian that is cut is narrower and has less light, and each tells how much is gone: the
+    width as ``bias`` (2, s, n), in due widths, says, the light by what is ``left`` (s, n) of that
+    beside. Noise makes either wrong by itself, and by more, the narrower the stripe; so the mean
+    counts. ``due`` (2, s, n) px are the due widths, to the side where the surface goes on.
+    ``which`` says where the surface goes on with the next profile, and where the profiles beside
+    are near enough to tell how bright it is; over longer steps the width alone counts.
+    """
+    first, near = which
+    of_width = np.where(first, bias[0], bias[1])
+    of_light = np.where(near & ~np.isnan(left), by_light(left), of_width)
+    scale = np.where(cut, np.where(first, due[0], due[1]), 0.0)
+    off = np.nan_to_num(scale * 0.5 * (of_width + of_light))
+    apart = np.nan_to_num(scale * (of_width - of_light))
+    return off, MODEL * np.maximum(np.abs(off), np.abs(apart))
 
 
 def _steady(width: Floats) -> Floats:

@@ -49,6 +49,8 @@ class PolarGrid:
     spread: Floats
     """(surfaces, s, n) mm along the normal: that and what the surface may do between its
     profiles."""
+    bend: Floats
+    """(surfaces, s, n) mm along the normal: the same, but for edges between profiles."""
     source: Ints
     """(surfaces, s, n) number of the nearest vertex of that surface, −1 where none."""
     bottom: float
@@ -78,14 +80,15 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     from turnscan.surface.fusion import _polar_kernels as kernels
     from turnscan.surface.fusion._variance_kernels import Vertices
 
-    # By an edge alone no cell becomes a guess: that begins beyond most of a line's distance.
-    # Nor by a slight one: where a face is doubted, the cell takes another radius of the part.
-    between = [s.between(edges=0.99 * _GUESS * rise) for s in surfaces]
+    # By an edge alone no cell becomes a guess (`PolarGrid.bend`); it counts for less beside what
+    # another surface measured there. Nor is a slight one asked for: where a face is doubted, the
+    # cell takes another radius of the part.
+    between = [(s.between(), s.between(edges=np.inf)) for s in surfaces]
     columns = _columns(surfaces, steps, rise)
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
     bottom = float(heights.min())
     shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
-    radius, slope, noise, spread = np.full((4, *shape), np.nan)
+    radius, slope, noise, spread, bend = np.full((5, *shape), np.nan)
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
     met = clashes = 0
     area = level = 0.0
@@ -95,7 +98,8 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         known = s.sigma[s.sigma > 0]
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
-            Vertices(X, s.sigma, between[i], s.ranks),
+            Vertices(X, s.sigma, between[i][1], s.ranks),
+            between[i][0],
             s.normals,
             _turns(X),
             np.maximum(s.cosine, 0.05),
@@ -104,7 +108,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             bottom,
             rise,
             alike,
-            kernels.Cells(radius[i], weight[i], slope[i], noise[i], spread[i], source[i]),
+            kernels.Cells(radius[i], weight[i], slope[i], noise[i], spread[i], bend[i], source[i]),
         )
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
         both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
@@ -113,7 +117,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     several, flat = clashes / max(met, 1), level / max(area, 1e-300)
     angles = 2 * np.pi * columns
     return PolarGrid(
-        angles, radius, weight, slope, noise, spread, source, bottom, rise, several, flat
+        angles, radius, weight, slope, noise, spread, bend, source, bottom, rise, several, flat
     )
 
 
@@ -157,15 +161,15 @@ def merge_polar(
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
     it makes a measurement count less, and the sigma of a cell larger. Averaging lowers the usual
     noise alone: what is known worse, at an edge or between profiles, all surfaces may have alike.
-    Where it may be more than three quarters of a line's distance and more than three usual sigma,
-    nothing was measured, and the cell is left to the other surfaces; so is one between profiles
-    that is known ten times worse than usual (`_vague`). A vertex has the provenance of the nearest
-    vertex of the best surface.
+    Where its bend may be more than three quarters of a line's distance and more than three usual
+    sigma, nothing was measured, and the cell is left to the other surfaces; so is one between
+    profiles that is known ten times worse than usual (`_vague`). A vertex has the provenance of the
+    nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
     usual = usual_sigma(grid.noise[~np.isnan(grid.noise)])
     with np.errstate(invalid="ignore"):
-        guess = grid.spread**2 - grid.noise**2 > max(_GUESS * grid.rise, _JUMP * usual) ** 2
+        guess = grid.bend**2 - grid.noise**2 > max(_GUESS * grid.rise, _JUMP * usual) ** 2
     guess |= _vague(grid, surfaces, _VAGUE * usual)
     grid = replace(grid, weight=np.where(guess, 0.0, grid.weight))
     best = np.argmax(grid.weight, axis=0)[None]

@@ -27,6 +27,8 @@ class Cells(NamedTuple):
     """mm along the normal: sigma of the vertices."""
     spread: Floats
     """mm along the normal: that and what the surface may do between its profiles."""
+    bend: Floats
+    """mm along the normal: the same, but for edges between profiles."""
     source: Ints
     """The nearest vertex, −1 where the cell was not met."""
 
@@ -60,6 +62,7 @@ def _turned(
 @njit(cache=True, nogil=True)
 def raster(
     vertices: Vertices,
+    bends: Floats,
     normals: Floats,
     around: Floats,
     cosine: Floats,
@@ -74,12 +77,13 @@ def raster(
 
     Between its vertices a face bulges as the ``normals`` (v, 3) there say (`rise`); cells lie
     ``apart`` mm over each other.
+    ``bends`` (v,) mm are what of ``vertices.between`` no edge makes.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
     from 0 to 1, the columns ascending. Where a cell is met twice the face of more weight counts.
     Returns how many cells were met, and how often at a radius more than ``alike`` mm away.
     """
     points, sigma, between, step = vertices
-    radius, weight, slope, noise, spread, source = cells
+    radius, weight, slope, noise, spread, bend, source = cells
     s, n = radius.shape
     met, clashes = 0, 0
     along, across, normal = np.empty(3), np.empty(3), np.empty(3)
@@ -134,6 +138,7 @@ def raster(
                 slope[k, z] = steep
                 noise[k, z] = np.sqrt(own)
                 spread[k, z] = np.sqrt(wide)
+                bend[k, z] = np.sqrt(variances(faces[f], u, v, sigma, bends, step)[1])
                 source[k, z] = a if w >= u and w >= v else (b if u >= v else c)
             k += 1
     return met, clashes
