@@ -105,8 +105,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             np.maximum(s.cosine, 0.05),
             s.mesh.faces,
             columns,
-            bottom,
-            rise,
+            (bottom, rise),
             alike,
             kernels.Cells(radius[i], weight[i], slope[i], noise[i], spread[i], bend[i], source[i]),
         )

@@ -68,21 +68,21 @@ def raster(
     cosine: Floats,
     faces: Ints,
     columns: Floats,
-    bottom: float,
-    apart: float,
+    lines: tuple[float, float],
     alike: float,
     cells: Cells,
 ) -> tuple[int, int]:
     """Fill the ``cells`` with the radius of a mesh at every angle and height.
 
-    Between its vertices a face bulges as the ``normals`` (v, 3) there say (`rise`); cells lie
-    ``apart`` mm over each other.
+    Between its vertices a face bulges as the ``normals`` (v, 3) there say (`rise`); ``lines`` are
+    how high the lowest cells lie and how far others over each other, mm.
     ``bends`` (v,) mm are what of ``vertices.between`` no edge makes.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
     from 0 to 1, the columns ascending. Where a cell is met twice the face of more weight counts.
     Returns how many cells were met, and how often at a radius more than ``alike`` mm away.
     """
     points, sigma, between, step = vertices
+    bottom, apart = lines
     radius, weight, slope, noise, spread, bend, source = cells
     s, n = radius.shape
     met, clashes = 0, 0
