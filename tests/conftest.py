@@ -58,13 +58,16 @@ class ByModule(LoadScopeScheduling):
 
     def _split_scope(self, nodeid: str) -> str:
         module = nodeid.partition("::")[0]
-        if module.startswith("tests/app/e2e/"):
+        if module.startswith(BROWSER):
             return "browser"
         return "sources" if module in PARSING else module
 
 
 PARSING = [f"tests/contracts/test_{name}.py" for name in ("contracts", "doors", "harness", "words")]
 
+
+BROWSER = "tests/app/e2e/"
+"""Begun first: one process has work there for more than half of the time of all."""
 
 LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
 """Rooms of many short modules: they fill the processes evenly while the last long ones end."""
@@ -82,7 +85,8 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.nodeid.startswith(tuple(f"tests/{room}/" for room in LAST)))
+    last = tuple(f"tests/{room}/" for room in LAST)
+    items.sort(key=lambda item: item.nodeid.startswith(last) - item.nodeid.startswith(BROWSER))
 
 
 def _skipped(config: pytest.Config) -> Counter[str]:

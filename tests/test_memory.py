@@ -41,3 +41,21 @@ def test_threads_share_few_pools() -> None:
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.count("<heap nr=") <= 2
+
+
+def test_garbage_is_looked_for_seldom_and_found() -> None:
+    code = (
+        "import gc, weakref\n"
+        "from turnscan import cli\n"
+        "import sys; sys.argv[1:] = ['--version']\n"
+        "cli.main()\n"
+        "class Loop: pass\n"
+        "lost = Loop(); lost.self = lost; seen = weakref.ref(lost); del lost\n"
+        "before = sum(s['collections'] for s in gc.get_stats())\n"
+        "kept = [[] for _ in range(100_000)]\n"
+        "print(sum(s['collections'] for s in gc.get_stats()) - before, seen() is None)\n"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    times, found = said.stdout.splitlines()[-1].split()
+    assert 1 <= int(times) <= 12, "every 700 objects it would be 150 times"
+    assert found == "True"

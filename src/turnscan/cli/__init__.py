@@ -11,6 +11,7 @@ import click
 
 from turnscan import __version__
 from turnscan.errors import TurnscanError
+from turnscan.memory import seldom_look_for_garbage
 from turnscan.threads import VARIABLE, single_threaded_algebra
 
 _VERBS = {
@@ -94,6 +95,7 @@ def turnscan(jobs: int | None) -> None:
 def main() -> None:
     """Run the command line; every foreseen error is one line on stderr and an exit code."""
     single_threaded_algebra()
+    seldom_look_for_garbage()
     try:
         turnscan.main(prog_name="turnscan", standalone_mode=False)
     except click.exceptions.Abort:

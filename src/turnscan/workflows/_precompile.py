@@ -16,6 +16,7 @@ from turnscan.detection import Detection, View
 from turnscan.errors import ExportError
 from turnscan.formats import export
 from turnscan.gridding import to_grids
+from turnscan.memory import seldom_look_for_garbage
 from turnscan.meshing import to_mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
@@ -155,4 +156,5 @@ def _column_at(rig: Rig, laser: str) -> Floats:
 _PARTS = {"pictures": _pictures, SURFACES: _surfaces, "colours": _colours}
 
 if __name__ == "__main__":
+    seldom_look_for_garbage()
     _PARTS[sys.argv[1]]()
