@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 extensions = [
     "myst_parser",
     "notebook_cells",
+    "quick_build",
     "verb_tables",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
