@@ -63,7 +63,10 @@ class ByModule(LoadScopeScheduling):
         return "sources" if module in PARSING else module
 
 
-PARSING = [f"tests/contracts/test_{name}.py" for name in ("contracts", "doors", "harness", "words")]
+PARSING = [
+    f"tests/contracts/test_{name}.py"
+    for name in ("contracts", "doors", "harness", "insides", "words")
+]
 
 
 BROWSER = "tests/app/e2e/"

@@ -228,7 +228,11 @@ def _loops(vertices: Floats, faces: Ints, side: npt.NDArray[np.int8]) -> list[In
     lonely = ~np.isin(end * len(vertices) + begin, begin * len(vertices) + end)
     if not lonely.any():
         return []
-    row, starts = kernels.chains(begin[lonely], end[lonely], vertices)
+    begin, end = begin[lonely], end[lonely]
+    order = np.argsort(begin, kind="stable")
+    following = np.searchsorted(begin[order], end)
+    heads = np.flatnonzero(~np.isin(begin, end))
+    row, starts = kernels.chains(begin, end, order, following, heads, vertices)
     return [loop for loop in np.split(row, starts[1:]) if len(loop) >= 3]
 
 

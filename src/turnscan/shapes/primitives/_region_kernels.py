@@ -460,11 +460,12 @@ def spread(
     Returns the values, and how many rings each has come (−1: none came).
     """
     out = value.copy()
-    ring = np.where(value >= 0, 0, -1)
+    ring = np.full(len(value), -1, dtype=np.int64)
     queue = np.empty(len(value), dtype=np.int64)
     filled, at = 0, 0
     for i in range(len(value)):
         if value[i] >= 0:
+            ring[i] = 0
             queue[filled] = i
             filled += 1
     while at < filled:

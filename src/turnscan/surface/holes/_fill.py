@@ -181,8 +181,7 @@ def _patch(
         faces = np.stack([around, np.roll(around, -1), np.full(m, m, np.int32)], axis=1)
         return Patch(ring, points.mean(axis=0)[None], faces)
     if how == "flat":
-        beside = kernels.neighbours(faces)
-        kernels.relax(points, faces, beside, len(faces), m, used)
+        kernels.relax(points, faces, _beyond_sides(faces), len(faces), m, used)
         return Patch(ring, np.empty((0, 3)), faces)
     return refined(ring, points, faces, scale, used, how)
 
@@ -196,8 +195,20 @@ def refined(
     area = _area(points, faces)
     limit = int(min(_MOST, 6 * area / max(float(scale.min()), 1e-9) ** 2 + 8))
     scale = np.maximum(scale, np.sqrt(2 * area / _MOST))
-    all_points, faces = kernels.refine(points, faces, scale, used, limit)
+    all_points, faces = kernels.refine(points, faces, _beyond_sides(faces), scale, used, limit)
     return Patch(ring, all_points[len(ring) :], faces, _ORDERS[how])
+
+
+def _beyond_sides(faces: Ints) -> Ints:
+    """(t, 3) the triangle across each side, −1: none; every side has at most two."""
+    a, b = faces.astype(np.int64), np.roll(faces, -1, axis=1).astype(np.int64)
+    key = (np.minimum(a, b) * (faces.max() + 1) + np.maximum(a, b)).ravel()
+    order = np.argsort(key, kind="stable")
+    one, other = order[:-1], order[1:]
+    alike = key[one] == key[other]
+    out = np.full(faces.size, -1, dtype=np.int32)
+    out[one[alike]], out[other[alike]] = other[alike] // 3, one[alike] // 3
+    return out.reshape(faces.shape)
 
 
 def _area(points: Floats, faces: Ints) -> float:

@@ -260,34 +260,15 @@ def relax(p: Floats, tri: Ints, beside: Ints, count: int, m: int, used: Bools) -
 
 
 @njit(cache=True, nogil=True)
-def neighbours(tri: Ints) -> Ints:
-    """(t, 3) the triangle across each side; every side has at most two."""
-    count = len(tri)
-    keys = np.empty(3 * count, dtype=np.int64)
-    size = np.int64(tri.max()) + 1
-    for t in range(count):
-        for e in range(3):
-            a, b = np.int64(tri[t, e]), np.int64(tri[t, (e + 1) % 3])
-            keys[3 * t + e] = min(a, b) * size + max(a, b)
-    order = np.argsort(keys)
-    beside = np.full((count, 3), -1, dtype=np.int32)
-    for i in range(len(order) - 1):
-        x, y = order[i], order[i + 1]
-        if keys[x] == keys[y]:
-            beside[x // 3, x % 3] = y // 3
-            beside[y // 3, y % 3] = x // 3
-    return beside
-
-
-@njit(cache=True, nogil=True)
 def refine(
-    points: Floats, faces: Ints, scale: Floats, used: Bools, limit: int
+    points: Floats, faces: Ints, across: Ints, scale: Floats, used: Bools, limit: int
 ) -> tuple[Floats, Ints]:
     """Points and triangles of a patch, as dense as its border (Liepa 2003, §4).
 
-    ``scale`` (m,) is the usual length of a side about each corner of the loop. A triangle takes a
-    new corner in its middle while that lies further than the scale from its corners; after each
-    round sides are turned. At most about ``limit`` corners are added.
+    ``across`` (t, 3) is the triangle across each side, −1: none. ``scale`` (m,) is the usual length
+    of a side about each corner of the loop. A triangle takes a new corner in its middle while that
+    lies further than the scale from its corners; after each round sides are turned. At most about
+    ``limit`` corners are added.
     """
     m = len(points)
     room = m + limit + 1
@@ -298,7 +279,7 @@ def refine(
     beside = np.full((len(faces) + 2 * limit + 2, 3), -1, dtype=np.int32)
     count, have = len(faces), m
     tri[:count] = faces
-    beside[:count] = neighbours(faces)
+    beside[:count] = across
     relax(p, tri, beside, count, m, used)
     while True:
         before = count
