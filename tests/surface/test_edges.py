@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from turnscan.arrays import Bools, Floats
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, join
 from turnscan.surface.holes import holes
 from turnscan.surface.holes._edges import _crowd, _feet, _within, faces_beyond
 from turnscan.surface.holes._hole_places import Places, places_in
 
 HIGH = 30.0
+
+
+def _near(X: Floats) -> Floats:
+    """Samples a millimetre apart."""
+    return np.ones(len(X))
 
 
 def _plate() -> Mesh:
@@ -38,8 +43,8 @@ def _asked(limit: float, hit: float, floor: float = -1.0) -> tuple[Places, Float
         return np.full(len(X), hit)
 
     return faces_beyond(
-        mesh, found, places_in(mesh, found), measurable, ahead, lambda X: X[:, 2] < floor
-    )
+        mesh, found, places_in(mesh, found), measurable, ahead, lambda X: X[:, 2] < floor, _near
+    )[:3]
 
 
 def test_the_part_turns_off_by_little_more_than_what_hides_it() -> None:
@@ -85,7 +90,8 @@ def test_where_what_is_kept_ends_the_face_it_stands_on_is_missing() -> None:
         lambda p: np.zeros(len(p.at), np.bool_),
         lambda X, way: np.full(len(X), 1.0),
         lambda X: X[:, 2] < 1.0,
-    )  # fmt: skip
+        _near,
+    )[:3]  # fmt: skip
     assert area[cut].sum() == pytest.approx(np.pi * 20.0**2, rel=0.03)
     assert sides.at[cut, 2].max() < 1.0
     assert len({found[k].centre[2] > 1.0 for k in sides.hole[cut]}) == 1
@@ -103,10 +109,48 @@ def test_the_foot_is_one_whatever_holes_its_rim_belongs_to() -> None:
     y = np.linspace(0.0, 30.0, 16)
     X = np.array([[x, v, 0.0] for x in (0.0, 20.0) for v in y] + [[5.0, 5.0, 40.0]])
     cut, width, size = X[:, 2] < 1.0, np.full(len(X), 2.0), np.full(len(X), 40.0)
-    foot = _feet(X, cut, width, size)
+    up = np.tile([0.0, 0.0, 1.0], (len(X), 1))
+    foot = _feet(X, up, cut, width, size)
     assert foot.sum() == pytest.approx(600.0)
     assert foot[-1] == 0.0
-    assert _feet(X, cut & (X[:, 0] < 1.0), width, size).sum() == pytest.approx(16 * 2.0 * 10.0)
+    assert _feet(X, up, cut & (X[:, 0] < 1.0), width, size).sum() == pytest.approx(16 * 2.0 * 10.0)
+
+
+def test_the_foot_of_a_plate_is_as_wide_as_the_plate_is_thick() -> None:
+    """Two rows of border 2 mm apart, which look away from each other; or alike, as a rough one."""
+    y = np.linspace(0.0, 30.0, 16)
+    X = np.array([[x, v, 0.0] for x in (0.0, 2.0) for v in y])
+    away = np.where(X[:, :1] > 1.0, 1.0, -1.0) * [[1.0, 0.0, 0.0]]
+    cut, width, size = np.ones(32, np.bool_), np.full(32, 2.0), np.full(32, 40.0)
+    assert _feet(X, away, cut, width, size).sum() == pytest.approx(60.0)
+    by_size = 32 * 2.0 * 0.25 * 40.0
+    assert _feet(X, np.abs(away), cut, width, size).sum() == pytest.approx(by_size)
+
+
+@pytest.mark.parametrize(("apart", "thin"), [(3.0, True), (1.5, False)])
+def test_a_side_thinner_than_two_samples_is_known_and_no_guess(apart: float, thin: bool) -> None:
+    """Front and back of a plate, 4 mm thick, whose sides nobody measured."""
+    front = _plate()
+    back = Mesh(front.vertices - [4.0, 0.0, 0.0], front.faces[:, ::-1])
+    mesh = join([front, back])
+    found = holes(mesh)
+    sides, area, cut, known = faces_beyond(
+        mesh, found, places_in(mesh, found),
+        lambda p: np.zeros(len(p.at), np.bool_),
+        lambda X, way: np.full(len(X), 10.0),
+        lambda X: np.zeros(len(X), np.bool_),
+        lambda X: np.full(len(X), apart),
+    )  # fmt: skip
+    assert not cut.any()
+    if not thin:
+        assert not known.any()
+        return
+    # Four sides of 30 by 4 mm, once for the border of either face; corners look two ways.
+    assert area[known].sum() == pytest.approx(2 * 4 * 30.0 * 4.0, rel=0.1)
+    assert area[known].sum() > 0.9 * area.sum()
+    middle = sides.at[known] - [-2.0, 0.0, 0.5 * HIGH]
+    assert np.abs(sides.normal[known, 0]).max() < 0.2
+    assert np.einsum("ij,ij->i", middle, sides.normal[known]).min() > 10.0
 
 
 def test_a_face_that_is_searched_from_two_sides_counts_once() -> None:

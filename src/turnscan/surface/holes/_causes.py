@@ -160,14 +160,16 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
     scene = _Scene.of(mesh, views)
     places = places_in(mesh, found)
     count = _counted(places, len(found), views, scene)
-    beyond, known = _beyond(mesh, found, places, views, scene)
+    beyond, known, sure = _beyond(mesh, found, places, views, scene)
     best = _most(count)
     # About an island that lies near other samples all places count as measured.
     known &= (best != REMOVED) | places.island
     if not any(view.grid.closed for view in views):
         known &= best != OUTSIDE  # its turn may not have come
     unsaid = (count.sum(axis=1) < 1.0) & ~known
+    # A flat patch says less, the more of the sides beyond its border are known.
     patch = _PATCH * count / np.maximum(count.sum(axis=1, keepdims=True), 1.0)
+    patch *= 1.0 - sure[:, None]
     best = _most(np.where(known[:, None], patch + beyond, count))
     # A bore is not dark; what names it otherwise is known better than its wall.
     deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
@@ -255,23 +257,31 @@ def _counted(places: Places, holes: int, views: Sequence[ScanCoverage], scene: _
 
 def _beyond(
     mesh: Mesh, found: Sequence[Hole], places: Places, views: Sequence[ScanCoverage], scene: _Scene
-) -> tuple[Floats, Bools]:
+) -> tuple[Floats, Bools, Floats]:
     """(holes, causes) shares of the faces beyond borders that no smooth surface spans
-    (`faces_beyond`) by what hides them, and (holes,) True where that says something."""
+    (`faces_beyond`) by what hides them, (holes,) True where that says something, and (holes,) how
+    much of these faces is known, and no guess."""
     inner = [_inner(view.volume, places.margin) for view in views]
-    sides, area, cut = faces_beyond(
+    turn = max(_turn(view.grid) for view in views)
+    sides, area, cut, known = faces_beyond(
         mesh, found, places, lambda p: _reachable(p, views, scene).both, scene.ahead,
         lambda X: ~np.any([v.contains(X) for v in inner], axis=0),
+        lambda X: np.maximum(places.face, np.hypot(X[:, 0], X[:, 1]) * turn),
     )  # fmt: skip
     count = np.zeros((len(found), _FLAT_TO_BOTH + 1))
     reach = _reachable(sides, views, scene)
     name = reach.hider
     name[cut | (~reach.inside & ~reach.seen & ~reach.lit)] = OUTSIDE
-    lacking = cut | ~reach.both
-    area = np.where(cut, area, _REACHED * area)
+    # What is thinner than samples are apart lies between them, though nothing hinders it.
+    name[known & reach.both] = REMOVED
+    lacking = cut | known | ~reach.both
+    area = np.where(cut | known, area, _REACHED * area)
     np.add.at(count, (sides.hole[lacking], name[lacking]), area[lacking])
     whole = count.sum(axis=1)
-    return count / np.maximum(whole, 1e-9)[:, None], np.asarray(whole > 0)
+    sure = np.bincount(sides.hole, area * known, len(found)) / np.maximum(
+        np.bincount(sides.hole, area, len(found)), 1e-9
+    )
+    return count / np.maximum(whole, 1e-9)[:, None], np.asarray(whole > 0), sure
 
 
 @dataclass(frozen=True)
@@ -507,9 +517,13 @@ def _near(grid: RangeGrid, places: Places, c: Crossings) -> Floats:
     X, n = places.at[c.place], places.normal[c.place]
     way = c.source - X
     slope = np.einsum("ij,ij->i", way, n) / np.linalg.norm(way, axis=1)
-    turn = float(np.median(np.abs(np.diff(np.unwrap(grid.angles))))) if len(grid.steps) > 1 else 0.0
-    apart = np.hypot(X[:, 0], X[:, 1]) * turn / np.maximum(slope, GRAZING)
+    apart = np.hypot(X[:, 0], X[:, 1]) * _turn(grid) / np.maximum(slope, GRAZING)
     return np.asarray(np.maximum(places.margin, apart))
+
+
+def _turn(grid: RangeGrid) -> float:
+    """rad: the usual step of a grid; 0 for one step."""
+    return float(np.median(np.abs(np.diff(np.unwrap(grid.angles))))) if len(grid.steps) > 1 else 0.0
 
 
 def _sampled(grid: RangeGrid, X: Floats, step: Ints, line: Ints) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from turnscan.mesh._normals import vertex_normals
 from turnscan.surface.holes._hole_places import Places
 from turnscan.surface.holes._holes import Hole
 from turnscan.surface.holes._spans import smoothed, unit
+from turnscan.surface.holes._thin_sides import opposite
 
 _CORNERS = 60
 """Corners of a border from which a face is searched, about."""
@@ -26,6 +28,8 @@ _FOOT, _LINE = 0.25, 0.1
 """Of the size of its hole: how much of the face that the part stands on goes with each mm of border
 at which it is cut, a disc having a quarter of its diameter; and the area, in squares of its length,
 below which such a border is a line that says nothing of that face's depth."""
+_FACES = 0.5
+"""Cosine between the way across a line and a normal that looks that way."""
 _CROWD = 2.0
 """Of the side of the area that a place stands for: radius within which places are counted."""
 _LIFT = 0.125
@@ -39,6 +43,8 @@ Ahead = Callable[[Floats, Floats], Floats]
 """(m,) how far rays from (m, 3) along (m, 3) go to what was measured; infinite for none."""
 Ends = Callable[[Floats], Bools]
 """(m,) True for places (m, 3) at which the surface ends because what is kept of it ends there."""
+Apart = Callable[[Floats], Floats]
+"""(m,) mm from sample to sample at places (m, 3)."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +62,28 @@ class _Borders:
     width: Floats
     """(m,) mm of border that each stands for."""
 
+    def some(self, which: Bools) -> _Borders:
+        """Those alone."""
+        X, n, outward = self.X[which], self.n[which], self.outward[which]
+        return _Borders(X, n, outward, self.hole[which], self.width[which])
+
     def bent(self, which: Ints, by: float) -> tuple[Floats, Floats]:
         """Ways (k, 3) and normals (k, 3) of faces that turn off by an angle, radians."""
         c, s = np.cos(by), np.sin(by)
         n, outward = self.n[which], self.outward[which]
         return c * outward - s * n, c * n + s * outward
+
+
+class Beyond(NamedTuple):
+    """Places on faces that the part has, or may have, beyond the borders of holes."""
+
+    sides: Places
+    area: Floats
+    """(m,) mm² that each place stands for."""
+    cut: Bools
+    """(m,) True where the surface ends because what is kept of it ends there."""
+    known: Bools
+    """(m,) True on sides beyond which another border follows (`opposite`): no guess."""
 
 
 def faces_beyond(
@@ -70,16 +93,46 @@ def faces_beyond(
     measurable: Measurable,
     ahead: Ahead,
     ends: Ends,
-) -> tuple[Places, Floats, Bools]:
+    apart: Apart,
+) -> Beyond:
     """Places on the faces that the part may have beyond the borders of holes that no smooth surface
-    spans, their weights (m,), mm² each, and (m,) True where the surface ``ends`` at the border.
+    spans.
 
-    At each corner of such a border the part turns off by little more than the least that would not
+    Where another border follows within two samples, a side lies between that is known. At each
+    other corner of such a border the part turns off by little more than the least that would not
     have been measured, and goes on straight as far as to something that was, or to the platter.
     Where what is kept ends, the face that the part stands on is missing, too (`_feet`). What is
     reached from several vertices counts once (`_crowd`).
     """
     b = _borders(mesh, found, ~places.smooth)
+    guessed = ends(b.X)
+    own = b.some(~guessed)
+    thin, sides, areas = _thin(mesh, found, own, places, apart(own.X))
+    guessed[~guessed] = ~thin
+    at, weight, cut = _guessed(mesh, found, b.some(guessed), places, measurable, ahead, ends)
+    asked = _asked(
+        places,
+        np.concatenate([at.at, sides.at]),
+        np.concatenate([at.normal, sides.normal]),
+        np.concatenate([at.hole, sides.hole]),
+    )
+    asked = replace(asked, bent=np.concatenate([at.bent, sides.bent]))
+    known = np.arange(len(asked.at)) >= len(at.at)
+    cut = np.concatenate([cut, np.zeros(len(areas), dtype=np.bool_)])
+    return Beyond(asked, np.concatenate([weight, areas]), cut, known)
+
+
+def _guessed(
+    mesh: Mesh,
+    found: Sequence[Hole],
+    b: _Borders,
+    places: Places,
+    measurable: Measurable,
+    ahead: Ahead,
+    ends: Ends,
+) -> tuple[Places, Floats, Bools]:
+    """Places on faces that are guessed from the corners of borders, mm² that each stands for (m,),
+    and (m,) True where the surface ``ends``."""
     way, up = _turned_off(b, places, measurable)
     kept = np.flatnonzero(np.abs(way).sum(axis=1) > 0).astype(np.int32)
     way, up, X, hole = way[kept], up[kept], b.X[kept], b.hole[kept]
@@ -95,12 +148,26 @@ def faces_beyond(
     weight = np.repeat(b.width[kept] * reach / count, count)
     ups, holes = np.repeat(up, count, axis=0), np.repeat(hole, count)
     weight /= _crowd(at.reshape(-1, 3), ups, holes, weight)
-    foot = np.repeat(_feet(X, cut, b.width[kept], size) / count, count)
+    foot = np.repeat(_feet(X, b.n[kept], cut, b.width[kept], size) / count, count)
     weight = np.where(np.repeat(cut, count), foot, weight)
     bent = np.einsum("ij,ij->i", up, b.n[kept]) < 1.0 - 1e-6
     asked = _asked(places, at.reshape(-1, 3), ups, holes)
     asked = replace(asked, bent=np.repeat(bent, count))
     return asked, np.asarray(weight), np.repeat(cut, count)
+
+
+def _thin(
+    mesh: Mesh, found: Sequence[Hole], b: _Borders, places: Places, apart: Floats
+) -> tuple[Bools, Places, Floats]:
+    """(m,) True at corners beyond whose side another border follows, where samples are ``apart``
+    (m,) mm from each other, the middles of such sides (k,), and their areas (k,), mm²."""
+    vertex = opposite(mesh, found, apart, b.X, b.n, b.outward)
+    thin = vertex >= 0
+    other, up = mesh.vertices[vertex[thin]], b.outward[thin]
+    # A border ends about half a sample before the edge.
+    at = 0.5 * (b.X[thin] + other + apart[thin, None] * up)
+    area = b.width[thin] * np.linalg.norm(other - b.X[thin], axis=1)
+    return thin, _asked(places, at, up, b.hole[thin]), area
 
 
 def _within(mesh: Mesh, found: Sequence[Hole], X: Floats, way: Floats, hole: Ints) -> Floats:
@@ -124,13 +191,14 @@ def _within(mesh: Mesh, found: Sequence[Hole], X: Floats, way: Floats, hole: Int
     return out
 
 
-def _feet(X: Floats, cut: Bools, width: Floats, size: Floats) -> Floats:
+def _feet(X: Floats, n: Floats, cut: Bools, width: Floats, size: Floats) -> Floats:
     """(m,) mm² of the face that the part stands on, for each border vertex X (m, 3) at which what
     is kept ends (``cut``), by the ``width`` (m,) of border that it stands for; 0 for the others.
 
     Seen from above it is as large as the hull of all of them: it is one, whatever holes its rim
     belongs to. Where they lie in a line its depth is not known, and it goes by the ``size`` (m,) of
-    their holes (`_FOOT`).
+    their holes (`_FOOT`), unless that line has two sides, as the foot of a plate: their normals
+    ``n`` (m, 3) say so.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -140,9 +208,16 @@ def _feet(X: Floats, cut: Bools, width: Floats, size: Floats) -> Floats:
     except (QhullError, ValueError):  # fewer than three, or in one line
         return foot
     far = float(np.linalg.norm(np.ptp(X[cut, :2], axis=0)))
-    if area < _LINE * far**2:
+    if area < _LINE * far**2 and not _two_sided(X[cut, :2], n[cut, :2]):
         return foot
     return np.asarray(np.where(cut, area * width / max(float(width[cut].sum()), 1e-9), 0.0))
+
+
+def _two_sided(X: Floats, n: Floats) -> bool:
+    """Whether normals n (m, 2) at places X (m, 2) in a line look away from both of its sides."""
+    across = np.linalg.svd(X - X.mean(axis=0), full_matrices=False)[2][1]
+    looks = n @ across
+    return bool(looks.max() > _FACES and looks.min() < -_FACES)
 
 
 def _crowd(at: Floats, normal: Floats, hole: Ints, weight: Floats) -> Floats:
