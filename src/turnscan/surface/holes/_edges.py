@@ -160,8 +160,14 @@ def _thin(
     mesh: Mesh, found: Sequence[Hole], b: _Borders, places: Places, apart: Floats
 ) -> tuple[Bools, Places, Floats]:
     """(m,) True at corners beyond whose side another border follows, where samples are ``apart``
-    (m,) mm from each other, the middles of such sides (k,), and their areas (k,), mm²."""
-    vertex = opposite(mesh, found, apart, b.X, b.n, b.outward)
+    (m,) mm from each other, the middles of such sides (k,), and their areas (k,), mm².
+
+    How far samples are apart goes by the widest steps along a border: a side is one, and beside the
+    axis, where steps are short, light and look graze it or the clean-up took it.
+    """
+    widest = np.zeros(len(found))
+    np.maximum.at(widest, b.hole, apart)
+    vertex = opposite(mesh, found, widest[b.hole], b.X, b.n, b.outward)
     thin = vertex >= 0
     other, up = mesh.vertices[vertex[thin]], b.outward[thin]
     # A border ends about half a sample before the edge.
