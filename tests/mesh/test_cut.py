@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.edit.surfaces import sheet
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, crossings, cut, is_closed, join
+from turnscan.mesh import Mesh, crossings, cut, is_closed, join, sections
 from turnscan.mesh._mesh import Provenance
 from turnscan.simulate import part
 from turnscan.surface.holes import holes
@@ -125,6 +125,24 @@ def test_an_open_surface_is_closed_along_the_section_alone() -> None:
     assert mesh.provenance is not None
     assert isinstance(done.provenance, Provenance)
     assert set(done.provenance.step) <= set(range(8, 20))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_open_chain_is_one_loop_whatever_the_order_of_faces(seed: int) -> None:
+    """Three quarters of a tube's wall: its section begins where no side ends."""
+    a = np.linspace(0, 1.5 * np.pi, 41)
+    ring = np.stack([10 * np.cos(a), 10 * np.sin(a)], axis=-1)
+    v = np.concatenate([np.column_stack([ring, np.full(41, z)]) for z in (0.0, 20.0)])
+    k = np.arange(40)
+    faces = np.concatenate(
+        [np.stack([k, k + 1, k + 42], axis=-1), np.stack([k, k + 42, k + 41], axis=-1)]
+    )
+    mixed = np.random.default_rng(seed).permutation(faces)
+    (loop,) = sections(Mesh(v, mixed), (0, 0, 1), 8.0)
+    assert len(loop.points) == 81, "41 upright sides and 40 diagonals"
+    around = np.unwrap(np.arctan2(loop.points[:, 1], loop.points[:, 0]))
+    assert (np.diff(around) > 0).all() or (np.diff(around) < 0).all(), "from end to end, once"
+    assert np.ptp(around) == pytest.approx(1.5 * np.pi)
 
 
 def test_nothing_moves_and_a_plane_beside_the_part_changes_nothing() -> None:
