@@ -98,16 +98,17 @@ def photographed(
         bodies = (replace(body, T_table_part=body_at), *scene.bodies[1:])
         return Renderer(replace(made, scene=replace(scene, bodies=bodies)))
 
-    def pictures(body_at: Pose, lit: tuple[str, ...]) -> list[Image]:
-        """Without a laser, then with each of these."""
+    def pictures(k: int, body_at: Pose, lit: tuple[str, ...]) -> list[Image]:
+        """Of board ``k``, whose noise no other one has: without a laser, then with each of these."""
         there = camera_of(plate, body_at)
-        return [there.picture(0.0, on, seconds) for on in ((), *((laser,) for laser in lit))]
+        sets = ((), *((laser,) for laser in lit))
+        return [there.picture(0.0, on, seconds, shot=k) for on in sets]
 
     stand = scene.bodies[0].T_table_part
     # The board shows its print to the camera between these angles only.
     start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
-        shown = [pool.submit(pictures, at, lasers if k >= len(free) else ())
+        shown = [pool.submit(pictures, k, at, lasers if k >= len(free) else ())
                  for k, at in enumerate((*free, *under))]  # fmt: skip
         turning = camera_of(scene.bodies[0], stand)
         turned = pool.map(lambda k: turning.picture(start + k * step, (), seconds), range(stops))

@@ -75,18 +75,19 @@ def _boards(rig: str, count: int) -> list[_Errors]:
     scene = bench(replace(spec, scene="charuco", room=ROOM)).scene
     made = replace(bench(spec), scene=scene)
     held = held_boards(np.random.default_rng(1), bench_board(spec), count)
-    return [_errors(made, at, seconds_of(spec)) for at in held]
+    return [_errors(made, at, seconds_of(spec), k) for k, at in enumerate(held)]
 
 
-def _errors(made: Bench, at: Pose, seconds: float) -> _Errors:
+def _errors(made: Bench, at: Pose, seconds: float, shot: int) -> _Errors:
     body = replace(made.scene.bodies[0], T_table_part=at)
     scene = replace(made.scene, bodies=(body, *made.scene.bodies[1:]))
     camera, rig = Renderer(replace(made, scene=scene)), made.rig
-    dark, T = camera.picture(0.0, (), seconds), rig.T_camera_table @ at @ PRINT
+    dark, T = camera.picture(0.0, (), seconds, shot=shot), rig.T_camera_table @ at @ PRINT
     view = detect_board(dark, BOARD)
     off = view.corners - rig.camera.project(T.apply(BOARD.points[view.ids]))
     laser = rig.sheets[0].name
-    lit = LaserPicture.of(view, stripe_light(camera.picture(0.0, (laser,), seconds), dark))
+    on = camera.picture(0.0, (laser,), seconds, shot=shot)
+    lit = LaserPicture.of(view, stripe_light(on, dark))
     true = stripe_of(rig, T, laser)
 
     def across(found: Floats) -> Floats:

@@ -8,17 +8,20 @@ import numpy as np
 
 from turnscan.arrays import Floats
 
-_BLUR = 0.7
-"""px: pictures are smoothed by it, as pixels of a sharp edge are no samples of a smooth one."""
-_LEAST, _MOST, _REACH = 1.5, 5.0, 0.6
+_BLUR = 0.5
+"""px: blur of a lens that the search begins with."""
+_LEAST, _MOST, _REACH = 1.5, 4.0, 0.25
 """px: standard deviation of the window about a corner, at least and at most; and as a part of the
-way to the next edge, which is not in the model."""
+way to the next corner, which is not in the model."""
+_MARGIN = 1.0
+"""px that the marker in a white square is kept clear of, as it is blurred too, but where that
+leaves less than as much of the square."""
 _WINDOW = 2.5
 """Standard deviations to which the window goes."""
-_FAR = 0.5
+_FAR = 1.0
 """px from the search's place from which another edge was fitted, and the search's place stays."""
 _ROUNDS, _STILL = 15, 1e-3
-_SOFT = (0.4, 6.0)
+_SOFT = (0.15, 6.0)
 """px: blur of an edge, at least and at most."""
 
 
@@ -39,10 +42,11 @@ def refined_corners(grey: Any, corners: Floats, places: Floats, clear: float) ->
     ``corners`` (n, 2) px were found to a fraction of a pixel, n ≥ 4; ``places`` (n, 2) are theirs
     on the board, in squares, of which the part ``clear`` beside each edge has no other edge.
 
-    Each is the crossing of two straight blurred edges, I = m + h erf(d₁/√2 s) erf(d₂/√2 s), fitted
-    to the pixels about it by Gauss-Newton. A search by gradients (`cornerSubPix`) interpolates
-    between pixels and is drawn to their middle by up to 0.08 px; along a row that leans a little
-    against the pixels this looks like perspective, and made focal lengths 0.3 % too long.
+    Each is the crossing of two straight edges, I = m + h E(d₁) E(d₂), fitted to the pixels about it
+    by Gauss-Newton; E is an edge with the blur of the lens, taken over a pixel's area (`_edge`). A
+    search by gradients (`cornerSubPix`) interpolates between pixels and is drawn to their middle by
+    up to 0.08 px; along a row that leans a little against the pixels this looks like perspective,
+    and made focal lengths 0.3 % too long.
     """
     import cv2
 
@@ -50,17 +54,17 @@ def refined_corners(grey: Any, corners: Floats, places: Floats, clear: float) ->
     if H is None:
         return corners
     normals, near = _directions(places, np.asarray(H, dtype=np.float64))
-    image = cv2.GaussianBlur(np.asarray(grey, dtype=np.float64), (0, 0), _BLUR)
-    sigma = float(np.clip(_REACH * clear * near, _LEAST, _MOST))
+    image = np.asarray(grey, dtype=np.float64)
+    sigma = float(np.clip(_REACH * near, _LEAST, _MOST))
     r = int(np.ceil(_WINDOW * sigma))
     oy, ox = np.mgrid[-r : r + 1, -r : r + 1]
     middle = np.rint(corners).astype(np.int64)
     X = (middle[:, :1] + ox.ravel()).clip(0, image.shape[1] - 1)
     Y = (middle[:, 1:] + oy.ravel()).clip(0, image.shape[0] - 1)
-    found = _fitted(
-        np.stack([X, Y], axis=-1).astype(np.float64), image[Y, X], sigma,
-        _Crossings(corners.copy(), normals, np.full(len(corners), np.hypot(0.5, _BLUR))),
-    )  # fmt: skip
+    at = np.stack([X, Y], axis=-1).astype(np.float64)
+    first = _Crossings(corners.copy(), normals, np.full(len(corners), _BLUR))
+    weight = _weights(at, first, sigma, max(clear * near - _MARGIN, _MARGIN))
+    found = _fitted(at, image[Y, X], weight, first)
     good = np.linalg.norm(found - corners, axis=1) < _FAR
     return np.where(good[:, None], found, corners)
 
@@ -79,12 +83,23 @@ def _directions(places: Floats, H: Floats) -> tuple[Floats, float]:
     return angles, float(min(np.linalg.norm(s, axis=1).min() for s in sides))
 
 
-def _fitted(at: Floats, light: Floats, sigma: float, first: _Crossings) -> Floats:
-    """(n, 2) px where crossings are, by pixels ``at`` (n, m, 2) with ``light`` (n, m)."""
+def _weights(at: Floats, first: _Crossings, sigma: float, clear: float) -> Floats:
+    """(n, m) of pixels ``at`` (n, m, 2): a bell about each crossing, and none of those further than
+    ``clear`` px from both of its edges, which may lie on a marker."""
+    d = at - first.place[:, None]
+    c, s = np.cos(first.normals), np.sin(first.normals)
+    away = np.abs(d @ np.stack([c, s], axis=1)).min(axis=-1)
+    bell = np.exp(-0.5 * (d**2).sum(axis=-1) / sigma**2)
+    return np.asarray(np.where(away <= clear, bell, 0.0))
+
+
+def _fitted(at: Floats, light: Floats, weight: Floats, first: _Crossings) -> Floats:
+    """(n, 2) px where crossings are, by pixels ``at`` (n, m, 2) with ``light`` and ``weight``
+    (n, m)."""
     now = first
     level = np.zeros((len(light), 2))
     for k in range(_ROUNDS):
-        shape, slopes, weight = _model(at, now, sigma)
+        shape, slopes = _model(at, now)
         if k == 0:
             level = _levels(shape, light, weight)
         height = level[:, 1, None]
@@ -119,21 +134,38 @@ def _levels(shape: Floats, light: Floats, weight: Floats) -> Floats:
     return np.stack([usual - height * middle, height], axis=-1)
 
 
-def _model(at: Floats, now: _Crossings, sigma: float) -> tuple[Floats, Floats, Floats]:
-    """Of pixels (n, m): the product of two edges, its slopes (n, m, 5) by `_Crossings`, weights."""
-    from scipy.special import erf
-
+def _model(at: Floats, now: _Crossings) -> tuple[Floats, Floats]:
+    """Of pixels (n, m): the product of two edges, its slopes (n, m, 5) by `_Crossings`."""
     d = at - now.place[:, None]
-    s = now.soft[:, None]
     edges, along = [], []
     for angle in now.normals.T[..., None]:
-        across = np.cos(angle) * d[..., 0] + np.sin(angle) * d[..., 1]
-        slope = np.sqrt(2 / np.pi) / s * np.exp(-0.5 * (across / s) ** 2)
-        edges.append(erf(across / (np.sqrt(2) * s)))
-        turn = slope * (np.cos(angle) * d[..., 1] - np.sin(angle) * d[..., 0])
-        along.append((-slope * np.cos(angle), -slope * np.sin(angle), turn, -slope * across / s))
+        c, s = np.cos(angle), np.sin(angle)
+        edge, slope, softer = _edge(c * d[..., 0] + s * d[..., 1], c, s, now.soft[:, None])
+        edges.append(edge)
+        along.append((-slope * c, -slope * s, slope * (c * d[..., 1] - s * d[..., 0]), softer))
     (a, b), (u, v) = edges, along
     slopes = np.stack(
         [u[0] * b + a * v[0], u[1] * b + a * v[1], u[2] * b, a * v[2], u[3] * b + a * v[3]], axis=-1
     )
-    return a * b, slopes, np.exp(-0.5 * (d**2).sum(axis=-1) / sigma**2)
+    return a * b, slopes
+
+
+def _edge(d: Floats, c: Floats, s: Floats, soft: Floats) -> tuple[Floats, Floats, Floats]:
+    """Light −1 to 1 of pixels whose middles are ``d`` (n, m) px from a straight edge with normal
+    (c, s), its blur's standard deviation ``soft`` (n, 1) px; and its slopes by d and by the blur.
+
+    A pixel takes the mean over its area: across the edge, over two boxes of widths |c| and |s| one
+    after the other. The wider is integrated, ∫ erf(x/√2σ) dx = x erf(x/√2σ) + √(2/π) σ
+    exp(−x²/2σ²); the narrower counts as blur, σ² = soft² + narrow²/12.
+    """
+    from scipy.special import erf
+
+    wide, narrow = np.maximum(abs(c), abs(s)), np.minimum(abs(c), abs(s))
+    blur = np.sqrt(soft**2 + narrow**2 / 12)
+    ends = []
+    for x in (d + wide / 2, d - wide / 2):
+        bell = np.sqrt(2 / np.pi) * np.exp(-0.5 * (x / blur) ** 2)
+        step = erf(x / (np.sqrt(2) * blur))
+        ends.append((x * step + blur * bell, step, bell))
+    edge, slope, softer = ((one - other) / wide for one, other in zip(*ends, strict=True))
+    return edge, slope, softer * soft / blur

@@ -24,10 +24,11 @@ def curvature_shift(light: LitPoints, thickness: float) -> Floats:
     """(s, n) px by which the centre of each stripe lies beside the sheet's middle; 0 where the
     surface about it is not known.
 
-    The curve that the sheet's light lies on runs across the profiles, X(s) ≈ X₀ + t s + K s²/2.
-    With d the distance from the sheet, c = t·n its slope there, a the picture's direction, v the
-    one to the camera and r the way to it, a Gaussian sheet of rms ``thickness`` σ mm has its centre
-    of light at
+    A line of the picture sees the sheet's light on a curve across the profiles, X(s) ≈ X₀ + t s +
+    K s²/2: the surface's section by the plane in which that line looks, by Meusnier's theorem from
+    the curve through the same line of the neighbouring profiles. With d the distance from the
+    sheet, c = t·n its slope there, a the picture's direction, v the one to the camera and r the way
+    to it, a Gaussian sheet of rms ``thickness`` σ mm has its centre of light at
 
         ū = σ²/c² [ K·a/2 − (q − 2)(t·a)(K·n)/2c − (q − 1)(t·a)(v·t)(K·m)/2(v·m) + q (t·a)(v·t)/r ],
 

@@ -27,6 +27,8 @@ _STRAIGHT = 0.3
 """Cosine between the two sides from which on they turn back: no curve, but an end of one."""
 _LEAST = 0.2
 """Slope of the curve to the sheet, below which the sheet runs along the surface."""
+_ALONG = 4
+"""Lines on either side over which a profile's direction is taken."""
 _BESIDE = 6
 """Lines on either side over which curvatures are averaged."""
 _SAME = 1 / 3
@@ -109,9 +111,9 @@ def shifts(
                 )
             if _short(a, b, _REACHED * span) or (m >= _SEVERAL and _jumps(points, k, j, m)):
                 continue
-            sight = _from(here, eye)
+            sight, rise = _from(here, eye), _rise(points, k, j)
             one, other = _shift(
-                a, b, sight, _at(moves, k, j), _at(sheets, k, j), thickness, width[k, j]
+                a, b, rise, sight, _at(moves, k, j), _at(sheets, k, j), thickness, width[k, j]
             )
             if not np.isnan(one):
                 curve[k, j], slant[k, j], over[k, j] = one, other, m
@@ -136,11 +138,64 @@ def _jumps(points: Floats, k: int, j: int, m: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def _rise(points: Floats, k: int, j: int) -> Vector:
+    """The way along a profile about a point, over `_ALONG` lines to either side or fewer; NaN at
+    its ends."""
+    n = points.shape[1]
+    for i in range(_ALONG, 0, -1):
+        if j >= i and j + i < n:
+            way = _from(_at(points, k, j - i), _at(points, k, j + i))
+            if _dot(way, way) > 0.0:
+                return way
+    return np.nan, np.nan, np.nan
+
+
+@njit(cache=True, nogil=True)
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _in_line(
+    t: Vector, bend: Vector, rise: Vector, v: Vector, pixel: Vector
+) -> tuple[Vector, Vector]:
+    """Tangent and curvature of the surface's section by the plane in which one line of the picture
+    looks, which holds ``v`` and ``pixel``, from those ``t`` and ``bend`` of the curve across the
+    profiles and the way ``rise`` along them.
+
+    Meusnier: where two sections share their tangent, their curvatures have the same part along the
+    surface's normal. The tangents differ by a few degrees, and the normal curvature is taken to be
+    the same. The curve itself where the surface's normal is not known or lies across the plane.
+    """
+    normal, plane = _cross(t, rise), _cross(v, pixel)
+    size = np.sqrt(_dot(normal, normal) * _dot(plane, plane))
+    if not size > 0.0:
+        return t, bend
+    normal = _over(normal, np.sqrt(_dot(normal, normal)))
+    plane = _over(plane, np.sqrt(_dot(plane, plane)))
+    section = _cross(normal, plane)
+    slope = np.sqrt(_dot(section, section))
+    if slope < _LEAST:
+        return t, bend
+    section = _over(section, slope if _dot(section, t) > 0.0 else -slope)
+    # In the plane, square to the section: the part of the normal along it is the slope.
+    inward = _cross(plane, section)
+    by = _dot(bend, normal) / _dot(inward, normal)
+    return section, (by * inward[0], by * inward[1], by * inward[2])
+
+
+@njit(cache=True, nogil=True)
 def _shift(
-    a: Vector, b: Vector, v: Vector, move: Vector, sheet: Vector, thickness: float, width: float
-) -> tuple[float, float]:
+    a: Vector, b: Vector, rise: Vector, v: Vector, move: Vector, sheet: Vector, thickness: float,
+    width: float,
+) -> tuple[float, float]:  # fmt: skip
     """px that the centre of a point shifts for its curve and for its slant; NaN where no curvature
-    is known. The curve goes on to ``a`` and ``b`` from there, and the camera is at ``v``."""
+    is known. The curve goes on to ``a`` and ``b`` from there, the profile along ``rise``, and the
+    camera is at ``v``."""
     la, lb = np.sqrt(_dot(a, a)), np.sqrt(_dot(b, b))
     if not (la > 0.0 and lb > 0.0 and la < _LOPSIDED * lb and lb < _LOPSIDED * la):
         return np.nan, np.nan
@@ -154,20 +209,21 @@ def _shift(
     )
     t = _from(a, b)
     t = _over(t, np.sqrt(_dot(t, t)))
+    far = np.sqrt(_dot(v, v))
+    v = _over(v, far)
+    along = _dot(move, v)
+    flat = (move[0] - along * v[0], move[1] - along * v[1], move[2] - along * v[2])
+    pixel = _over(flat, _dot(flat, flat))
+    t, bend = _in_line(t, bend, rise, v, pixel)
     c = _dot(t, sheet)
     if abs(c) < _LEAST:
         return np.nan, np.nan
-    far = np.sqrt(_dot(v, v))
-    v = _over(v, far)
     across = _dot(v, t)
     normal = (v[0] - across * t[0], v[1] - across * t[1], v[2] - across * t[2])
     facing = np.sqrt(_dot(normal, normal))
     if facing < _LEAST:
         return np.nan, np.nan
     normal = _over(normal, facing)
-    along = _dot(move, v)
-    flat = (move[0] - along * v[0], move[1] - along * v[1], move[2] - along * v[2])
-    pixel = _over(flat, _dot(flat, flat))
     ta = _dot(t, pixel)
     drawn = (thickness / c) ** 2
     whole = 3.0

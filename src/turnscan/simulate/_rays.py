@@ -45,11 +45,12 @@ def corner_normals(
 
 
 @njit(cache=True, nogil=True)
-def rays(numbers: Ints, field: Floats, down: int, across: int, R: Floats) -> Singles:
+def rays(numbers: Ints, field: Floats, down: int, across: int, R: Floats, sheared: bool) -> Singles:
     """Directions (n·down·across, 3), object frame, of a grid of rays in each pixel.
 
     ``numbers`` (n,) count the pixels row by row; ``field`` (H + 1, W + 1, 2) holds the image
-    coordinates of their outer corners.
+    coordinates of their outer corners. In a ``sheared`` grid no two rays of a pixel share a row or
+    a column: an edge along these is sampled as finely as there are rays, not rows of them.
     """
     out = np.empty((len(numbers) * down * across, 3), np.float32)
     width = field.shape[1] - 1
@@ -59,7 +60,9 @@ def rays(numbers: Ints, field: Floats, down: int, across: int, R: Floats) -> Sin
         column = numbers[i] - row * width
         for y in range(down):
             for x in range(across):
-                p, q = within(field, row, column, (y + 0.5) / down, (x + 0.5) / across)
+                v = (y + ((x + 0.5) / across if sheared else 0.5)) / down
+                u = (x + ((y + 0.5) / down if sheared else 0.5)) / across
+                p, q = within(field, row, column, v, u)
                 for j in range(3):
                     out[k, j] = R[0, j] * p + R[1, j] * q + R[2, j]
                 k += 1

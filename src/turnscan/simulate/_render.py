@@ -203,7 +203,7 @@ class Renderer:
         pixels = np.stack(np.divmod(numbers, np.int32(bench.rig.camera.width)), axis=-1)
         cells = _RAY_CELLS if bench.waves == "rays" else speckle.oversampling(bench.grain)
         blocks = (min(_RAY_BLOCKS[0], cells[0]), min(_RAY_BLOCKS[1], cells[1]))
-        directions = _rays.rays(numbers, self.view.field, *blocks, R)
+        directions = _rays.rays(numbers, self.view.field, *blocks, R, False)
         eye, apex = T.inverse().translation, T.inverse().apply(beam.apex)
         face = self._caster.first_hits(eye, directions)
         points, normals = _rays.surface(
