@@ -99,7 +99,7 @@ def photographed(
         return Renderer(replace(made, scene=replace(scene, bodies=bodies)))
 
     def pictures(k: int, body_at: Pose, lit: tuple[str, ...]) -> list[Image]:
-        """Of board ``k``, whose noise no other one has: without a laser, then with each of these."""
+        """Of board ``k``, with noise of its own: without a laser, then with each of these."""
         there = camera_of(plate, body_at)
         sets = ((), *((laser,) for laser in lit))
         return [there.picture(0.0, on, seconds, shot=k) for on in sets]

@@ -66,6 +66,22 @@ def test_corners_are_where_the_edges_cross_and_not_in_the_middle_of_pixels(blur:
     assert np.abs(drawn).max() < 0.005
 
 
+def test_a_colour_filter_does_not_draw_corners_to_its_sites() -> None:
+    """The eye's mix of the colours behind a Bayer filter is drawn by 0.06 px, with a period of two
+    pixels: what is red is seen at every second one."""
+    offs = []
+    for angle in (-0.9, -0.3, 0.0, 0.5):
+        picture, H = _seen(angle, 0.35)
+        raw = np.zeros((360, 480), np.uint8)
+        for (y, x), share in (((0, 0), 0.85), ((0, 1), 1.0), ((1, 0), 1.0), ((1, 1), 0.75)):
+            raw[y::2, x::2] = (share * picture[y::2, x::2]).round().clip(0, 255)
+        offs.append(_off(cv2.cvtColor(raw, cv2.COLOR_BayerBG2RGB), H))
+    off, true = (np.concatenate(some) for some in zip(*offs, strict=True))
+    assert 0.002 < np.sqrt(np.mean(off**2)) < 0.01
+    drawn = 2 * np.mean(off * np.sin(np.pi * true), axis=0)
+    assert np.abs(drawn).max() < 0.005
+
+
 def test_noise_moves_corners_by_no_more_than_it_must() -> None:
     """3 grey levels of noise, edges of 153 of them with a blur of 0.8 px: two edges that are seen
     over 2 · 4 px each say 0.009 px."""

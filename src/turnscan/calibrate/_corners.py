@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class _Crossings(NamedTuple):
     """(n,) px: standard deviation of the edges' blur."""
 
 
-def refined_corners(grey: Any, corners: Floats, places: Floats, clear: float) -> Floats:
+def refined_corners(image: Floats, corners: Floats, places: Floats, clear: float) -> Floats:
     """Corners (n, 2) px of a board's squares in a picture (H, W), better than `cornerSubPix`.
 
     ``corners`` (n, 2) px were found to a fraction of a pixel, n ≥ 4; ``places`` (n, 2) are theirs
@@ -54,7 +54,6 @@ def refined_corners(grey: Any, corners: Floats, places: Floats, clear: float) ->
     if H is None:
         return corners
     normals, near = _directions(places, np.asarray(H, dtype=np.float64))
-    image = np.asarray(grey, dtype=np.float64)
     sigma = float(np.clip(_REACH * near, _LEAST, _MOST))
     r = int(np.ceil(_WINDOW * sigma))
     oy, ox = np.mgrid[-r : r + 1, -r : r + 1]
