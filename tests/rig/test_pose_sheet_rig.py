@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,8 @@ from turnscan.rig import (
     LaserSheet,
     Pose,
     Rig,
+    TableMotion,
+    Wobble,
     design_preset,
     rotation_about,
     rotation_from_vector,
@@ -229,3 +232,13 @@ def test_a_rig_names_its_lasers() -> None:
         Rig(rig.camera, (rig.sheets[0], rig.sheets[0]), rig.T_camera_table)
     with pytest.raises(ValueError, match="covariance"):
         Rig(rig.camera, rig.sheets, rig.T_camera_table, covariance=np.eye(3))
+
+
+def test_what_a_notebook_shows_says_how_drive_and_axis_move() -> None:
+    assert "drive" not in _rig().html()
+    motion = TableMotion(np.radians([[0.0, 0.5]]), backlash=math.radians(0.25))
+    wobble = Wobble(tilt=np.radians([0.1, 0.0]), shift=np.array([0.0, 0.2]))
+    shown = replace(_rig(), motion=motion, wobble=wobble).html().replace("&nbsp;", " ")
+    assert "off an even turn by -0.500° to +0.500°, backlash 0.250°" in shown
+    # Across by 0.2 mm, and the rim up and down by 50 mm · 0.1°.
+    assert f"tilts by 0.100° in a turn, moves by up to {math.hypot(0.2, 0.0873):.3f} mm" in shown

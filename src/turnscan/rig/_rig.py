@@ -19,6 +19,8 @@ from turnscan.rig._wobble import Wobble
 
 _CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "tilt_x", "tilt_y")
 _SHEET = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
+_RIM = 50.0
+"""mm from the axis, at which what the axis moves is said."""
 _TABLE = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
 
@@ -102,6 +104,7 @@ class Rig:
         for s in self.sheets:
             angle = np.degrees(np.arcsin(min(abs(float(s.normal[2])), 1.0)))
             rows.append((f"laser {s.name}", f"{angle:.1f}° to the optical axis"))
+        rows += self._moves
         known = "not known" if self.covariance is None else "known (covariance)"
         beams = [
             Beam(s.name, back.apply(self.light_source(s.name)), back.apply(s.centre))
@@ -109,6 +112,21 @@ class Rig:
         ]
         drawn = views(eye, back.turn(np.array([0.0, 0.0, 1.0])), beams)
         return card(title, [*rows, ("uncertainty", known), *more], drawn)
+
+    @property
+    def _moves(self) -> list[tuple[str, object]]:
+        """What is known of the drive's errors and of the axis's own motion, in words."""
+        out: list[tuple[str, object]] = []
+        if self.motion is not None:
+            turn = np.linspace(0.0, 2 * np.pi, 361)
+            off = np.degrees(self.motion.angle(turn) - turn)
+            even = f"off an even turn by {off.min():+.3f}° to {off.max():+.3f}°"
+            out.append(("drive", f"{even}, backlash {np.degrees(self.motion.backlash):.3f}°"))
+        if self.wobble is not None:
+            tilt = float(np.degrees(np.linalg.norm(self.wobble.tilt)))
+            at = f"{self.wobble.reach(_RIM):.3f} mm at a radius of {_RIM:g} mm"
+            out.append(("axis", f"tilts by {tilt:.3f}° in a turn, moves by up to {at}"))
+        return out
 
     def _repr_html_(self) -> str:
         return self.html()
