@@ -133,11 +133,8 @@ def raster(
                 clashes += there and abs(r - radius[k, z]) > alike
                 if there and strong <= weight[k, z]:
                     continue
-                radius[k, z] = r
-                weight[k, z] = strong
-                slope[k, z] = steep
-                noise[k, z] = np.sqrt(own)
-                spread[k, z] = np.sqrt(wide)
+                radius[k, z], weight[k, z], slope[k, z] = r, strong, steep
+                noise[k, z], spread[k, z] = np.sqrt(own), np.sqrt(wide)
                 bend[k, z] = np.sqrt(variances(faces[f], u, v, sigma, bends, step)[1])
                 source[k, z] = a if w >= u and w >= v else (b if u >= v else c)
             k += 1
