@@ -53,8 +53,8 @@ def refined_corners(image: Floats, corners: Floats, places: Floats, clear: float
     H, _ = cv2.findHomography(places, corners, 0)
     if H is None:
         return corners
-    normals, near = _directions(places, np.asarray(H, dtype=np.float64))
-    sigma = float(np.clip(_REACH * near, _LEAST, _MOST))
+    normals, near = edge_normals(places, np.asarray(H, dtype=np.float64))
+    sigma = window_of(near)
     r = int(np.ceil(_WINDOW * sigma))
     oy, ox = np.mgrid[-r : r + 1, -r : r + 1]
     middle = np.rint(corners).astype(np.int64)
@@ -68,7 +68,12 @@ def refined_corners(image: Floats, corners: Floats, places: Floats, clear: float
     return np.where(good[:, None], found, corners)
 
 
-def _directions(places: Floats, H: Floats) -> tuple[Floats, float]:
+def window_of(near: float) -> float:
+    """px: standard deviation of the window about corners that are ``near`` px from each other."""
+    return float(np.clip(_REACH * near, _LEAST, _MOST))
+
+
+def edge_normals(places: Floats, H: Floats) -> tuple[Floats, float]:
     """(n, 2) rad of the normals of the board's two edges at ``places`` (n, 2), and px of a square,
     by the homography (3, 3) from squares to px."""
 

@@ -12,6 +12,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import Fit, adjust, one_step
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
+from turnscan.calibrate._filter_sites import site_pattern
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._observations import RIDER, RigNetwork
 from turnscan.calibrate._procedure import (
@@ -78,6 +79,10 @@ def calibrate_rig(
     Raises NotEnoughViews, Degenerate, DidNotConverge or InputError with what to do.
     """
     rejected: list[Rejected] = []
+    drawn = site_pattern([*camera, *(p.view for some in lasers.values() for p in some)])
+    if drawn is not None:
+        camera = [drawn.without(v) for v in camera]
+        lasers = {name: drawn.without_in(some) for name, some in lasers.items()}
     roles: list[tuple[str, BoardView]] = [("camera", v) for v in camera]
     for name, pictures in lasers.items():
         roles += [(f"laser {name}", p.view) for p in pictures]
@@ -106,6 +111,7 @@ def calibrate_rig(
     used: list[TablePicture] = []
     turned = table() if callable(table) else table
     if turned:
+        turned = turned if drawn is None else drawn.without_on_table(turned)
         state, network, used = table_stage(state, network, turned, settings, rejected)
         say(f"table: {len(used)} pictures")
     given = (*(("camera",) if camera else ()), *lasers, *(("table",) if turned else ()))
