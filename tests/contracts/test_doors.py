@@ -27,7 +27,7 @@ HELPERS = (
     "_show", "_signals", "_words",
 )  # fmt: skip
 """Modules of the command line that declare flags, show progress and word results."""
-LOWEST = ("errors", "findings", "progress", "remedy", "threads", "workflows")
+LOWEST = ("errors", "findings", "memory", "progress", "remedy", "threads", "workflows")
 DOORS = ("__main__.py", "app", "cli")
 LONGEST = 100
 FLAG = re.compile(r"(?<!var\()--[a-z][a-z-]*\b(?!: *#)")

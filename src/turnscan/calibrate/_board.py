@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Floats, Image, Ints, frozen
 from turnscan.calibrate._corners import refined_corners
 from turnscan.calibrate._markers import aruco_dictionary
-from turnscan.calibrate._picture import Grey, evened_grey, grey8, picture_fault
+from turnscan.calibrate._picture import Grey, grey8, grey_of, picture_fault
 from turnscan.errors import FormatError
 
 _FEWEST_CORNERS = 6
@@ -148,8 +148,8 @@ def detect_board(image: Image, board: Board, name: str = "") -> BoardView:
         return BoardView(board, *empty, size, name, failure)
     clear = (1 - board.marker / board.square) / 2 if isinstance(board, Charuco) else 1.0
     squares = board.points[ids, :2] / board.square
-    fine = refined_corners(evened_grey(image, corners), corners, squares, clear)
-    return BoardView(board, fine, ids, size, name)
+    levels = np.asarray(grey_of(image), dtype=np.float64)
+    return BoardView(board, refined_corners(levels, corners, squares, clear), ids, size, name)
 
 
 def _lattice(columns: int, rows: int, square: float) -> Floats:

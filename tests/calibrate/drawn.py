@@ -1,0 +1,49 @@
+"""Pictures of a board that are drawn finely, with where its corners truly are."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.calibrate import BoardView, Charuco
+
+BOARD = Charuco(9, 6, 12.0, 9.0, "DICT_5X5_100")
+FINE = 8
+"""Samples of a drawn pixel in each direction."""
+
+
+def _print() -> Floats:
+    """The board (720, 1080), 10 px for each mm."""
+    kind = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+    made = cv2.aruco.CharucoBoard((9, 6), 12.0, 9.0, kind)
+    return np.asarray(made.generateImage((1080, 720)), dtype=np.float64)
+
+
+def seen_board(angle: float, blur: float) -> tuple[Floats, Floats]:
+    """A picture (360, 480) of the board turned by ``angle`` rad about the vertical, leaning a
+    little, and the matrix that takes mm on its print to px."""
+    c, s = np.cos(angle), np.sin(angle)
+    turned = np.array([[c, 0.02, 0.0], [0.03, 1.0, 0.0], [s, 0.1, 420.0]])
+    middle = np.array([[1.0, 0.0, -54.0], [0.0, 1.0, -36.0], [0.0, 0.0, 1.0]])
+    camera = np.array([[1136.0, 0.0, 240.3], [0.0, 1136.0, 179.6], [0.0, 0.0, 1.0]])
+    H = camera @ turned @ middle
+    u, v = np.meshgrid(*((np.arange(n * FINE) + 0.5) / FINE - 0.5 for n in (480, 360)))
+    at = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=-1) @ np.linalg.inv(H).T
+    x, y = (at[:, :2] / at[:, 2:] * 10).T
+    paper = _print()
+    inside = (x >= 0) & (x < 1080) & (y >= 0) & (y < 720)
+    value = np.full(u.size, 255.0)
+    value[inside] = paper[y[inside].astype(int), x[inside].astype(int)]
+    fine = value.reshape(360 * FINE, 480 * FINE)
+    if blur:
+        # The lens blurs what then falls on pixels.
+        fine = cv2.GaussianBlur(fine, (0, 0), blur * FINE)
+    return fine.reshape(360, FINE, 480, FINE).mean(axis=(1, 3)) * 0.6 + 30.0, H
+
+
+def places_seen(view: BoardView, H: Floats) -> Floats:
+    """(n, 2) px where the corners that were found truly are."""
+    # The inner corners are counted from the first one, a square into the print.
+    at = np.column_stack([BOARD.points[view.ids, :2] + 12.0, np.ones(len(view.ids))]) @ H.T
+    return np.asarray(at[:, :2] / at[:, 2:])
