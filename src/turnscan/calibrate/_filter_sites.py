@@ -39,7 +39,7 @@ class SitePattern:
         """The view with its corners where they were without it."""
         if view.failure or len(view.corners) < _LEAST_CORNERS:
             return view
-        terms, _, _ = _seen(view)
+        terms = _terms(view.corners, *_on_board(view))
         return replace(view, corners=view.corners - terms @ self.amplitudes)
 
     def without_in(self, pictures: Sequence[LaserPicture]) -> list[LaserPicture]:
@@ -91,14 +91,20 @@ def _fitted(r: Floats, X: Floats) -> tuple[Floats, Floats]:
     return a, N / scale**2
 
 
-def _seen(view: BoardView) -> tuple[Floats, Floats, Floats]:
-    """Of a view's n corners: the pattern's terms (n, 2, 8), the slopes (2n, 8) of places by the
-    board's homography, and (2n,) px by which the corners are off that."""
+def _on_board(view: BoardView) -> tuple[Floats, Floats]:
+    """Of a view's corners the places (n, 2) on the board, in squares, and the homography (3, 3)
+    from there to px."""
     import cv2
 
     places = view.points[:, :2] / view.board.square
     H = np.asarray(cv2.findHomography(places, view.corners, 0)[0], dtype=np.float64)
-    H = H / H[2, 2]
+    return places, H / H[2, 2]
+
+
+def _seen(view: BoardView) -> tuple[Floats, Floats, Floats]:
+    """Of a view's n corners: the pattern's terms (n, 2, 8), the slopes (2n, 8) of places by the
+    board's homography, and (2n,) px by which the corners are off that."""
+    places, H = _on_board(view)
     homogeneous = np.column_stack([places, np.ones(len(places))])
     p = homogeneous @ H.T
     at, scale = p[:, :2] / p[:, 2:], p[:, 2:]

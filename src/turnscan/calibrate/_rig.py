@@ -65,10 +65,12 @@ def calibrate_rig(
 ) -> Calibration:
     """Calibrate a rig, or stages of one, from what was found in the pictures.
 
-    First values stage by stage (camera; each laser's sheet; table), then one adjustment of all
-    observations in pixels with the camera, the bend of the board, the sheets, the axis, the shape
-    of the platter, the markers' sizes and places and every angle free. Without a stripe on the
-    platter the scale of a table with markers rests on their nominal side.
+    What a colour filter draws of corners is taken off all boards first, where those of camera and
+    lasers show it (`site_pattern`). First values stage by stage (camera; each laser's sheet;
+    table), then one adjustment of all observations in pixels with the camera, the bend of the
+    board, the sheets, the axis, the shape of the platter, the markers' sizes and places and every
+    angle free. Without a stripe on the platter the scale of a table with markers rests on their
+    nominal side.
 
     ``table`` may also be what reads the pictures of the table: it is asked once camera and sheets
     are known, so that pictures that show none are refused before hundreds are read.

@@ -18,8 +18,8 @@ Singles = npt.NDArray[np.float32]
 
 _VISIBLE_LIGHT = 550e-6
 _PRINT_SAMPLES = 4
-"""Rays per pixel and direction where a print is seen. Their grid is sheared: four places in a
-pixel would move an edge along its rows by up to 0.02 px, in all pictures of a board alike."""
+"""Rays per pixel and direction where a print is seen. Their grid is sheared: an upright one moved
+edges along the pixels' rows by up to 0.02 px (three each way), in all pictures of a board alike."""
 _STRIP = 64
 _SHADOW_CELLS = 128
 """Cells of the grid of shadows along its longer side."""
