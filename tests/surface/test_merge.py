@@ -17,6 +17,7 @@ from tests.surface.scans import CENTRE, scanned
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.mesh import boundary_loops
 from turnscan.points import build_grid
+from turnscan.shapes import deviation
 from turnscan.surface.fusion import _marching_cubes as cubes
 from turnscan.surface.fusion import fuse, merge, range_surfaces
 
@@ -198,6 +199,52 @@ def test_a_point_on_an_edge_counts_for_more_than_a_chord_beside_it():
     chord = reach - float(np.cos(np.pi / steps) * 0.5 * low)
     assert edge.sum() >= 6 * 18
     assert np.abs(np.hypot(*X[edge, :2].T) - reach).max() < 0.3 * chord
+
+
+def leaning(name, angles, radius, lean, lines=40):
+    """A piece of a wall about the axis by a sheet that leans: so far, rad, over its height."""
+    grid = turned(angles, np.full(lines, radius), sigma=0.02)
+    phi = angles[:, None] + lean * (np.arange(lines) / (lines - 1) - 0.5)
+    around = np.stack([radius * np.cos(phi), radius * np.sin(phi)], axis=-1)
+    points = np.concatenate([around, grid.points[..., 2:]], axis=-1)
+    return replace(grid, laser=name, points=points)
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.001, 0.02])
+def test_the_last_profile_is_kept_whole_where_its_sheet_leans_from_the_axis(lean):
+    """Cells stand on profiles as far as these are upright: the half of the last one that lies short
+    of its column has its place there all the same."""
+    step = 2 * np.pi / 60
+    lasers = [
+        leaning(name, (np.arange(12) + shift) * step, 25.0, lean)
+        for name, shift in (("L0", 0.0), ("L1", 0.47))
+    ]
+    mesh, _ = merge(lasers, how="grid")
+    X = mesh.vertices
+    phi = np.arctan2(X[:, 1], X[:, 0])
+    for end in (lasers[0].points[0], lasers[1].points[-1]):
+        away = np.abs(deviation(end[1:-1], mesh).distance)
+        # What leans beyond its column is cut off there; a step would be 2.6 mm.
+        assert away.max() < 0.02 + 25.0 * lean / 2, "a point of an outermost profile is lost"
+    assert -lean / 2 - 1e-9 <= phi.min() <= phi.max() <= 11.47 * step + lean / 2 + 1e-9
+
+
+def test_points_beside_the_axis_take_no_place_from_a_wall():
+    """A face through the axis is seen as points beside it, at angles that noise makes; the wall
+    further out is known worse and lies at the same angles."""
+    rng = np.random.default_rng(3)
+    step = 2 * np.pi / 60
+    wall = leaning("L0", (np.arange(24) + 0.2) * step, 25.0, 0.0)
+    wall = replace(wall, sigma=np.full_like(wall.sigma, 0.1))
+    beside = leaning("L1", (np.arange(24) + 0.1) * step, 0.1, 0.0)
+    noise = rng.normal(0, 0.03, beside.points.shape) * [1.0, 1.0, 0.0]
+    beside = replace(beside, points=beside.points + noise)
+    alone, both = (merge(some, how="grid")[0] for some in ([wall, wall], [wall, beside]))
+    far = np.hypot(*both.vertices[:, :2].T) > 1.0
+    assert far.sum() >= 0.99 * len(alone.vertices) > 900
+    held = both.triangles[far[both.faces].all(axis=1)]
+    sides = np.cross(held[:, 1] - held[:, 0], held[:, 2] - held[:, 0])
+    assert 0.5 * np.linalg.norm(sides, axis=1).sum() > 0.98 * area(alone)
 
 
 def test_where_no_bend_was_seen_no_edge_says_that_there_is_none():

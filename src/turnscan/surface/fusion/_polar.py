@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,7 +30,9 @@ _VAGUE = 10.0
 _COARSE = 2.5
 """Profiles further apart than this many lines are coarse."""
 _SAME = 0.25
-"""Part of a step within which two profiles are one column of cells."""
+"""Part of a step within which two profiles are one column of cells …"""
+_APART = 0.5
+"""… and the most that is, beside the axis, where a step is short."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,9 @@ class PolarGrid:
     """(surfaces, s, n) mm along the normal: the same, but for edges between profiles."""
     source: Ints
     """(surfaces, s, n) number of the nearest vertex of that surface, −1 where none."""
+    aside: Floats
+    """(surfaces, s, n) rad from the cell's angle: 0 where the surface meets the cell, else where it
+    ends before that; NaN where nothing was measured."""
     bottom: float
     """mm: height of the first line."""
     rise: float
@@ -84,11 +90,11 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     # another surface measured there. Nor is a slight one asked for: where a face is doubted, the
     # cell takes another radius of the part.
     between = [(s.between(), s.between(edges=np.inf)) for s in surfaces]
-    columns = _columns(surfaces, steps, rise)
+    columns, room = _columns(surfaces, steps, rise)
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
     bottom = float(heights.min())
     shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
-    radius, slope, noise, spread, bend = np.full((5, *shape), np.nan)
+    radius, slope, noise, spread, bend, aside = np.full((6, *shape), np.nan)
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
     met = clashes = 0
     area = level = 0.0
@@ -106,17 +112,31 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             s.mesh.faces,
             columns,
             (bottom, rise),
-            alike,
-            kernels.Cells(radius[i], weight[i], slope[i], noise[i], spread[i], bend[i], source[i]),
+            (alike, room),
+            kernels.Cells(
+                radius[i], weight[i], slope[i], noise[i], spread[i], bend[i], source[i], aside[i]
+            ),
         )
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
         both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
         area, level = area + both[0], level + both[1]
-    clashes += _unlike(radius, apart)
+    clashes += _unlike(np.where(aside == 0, radius, np.nan), apart)
     several, flat = clashes / max(met, 1), level / max(area, 1e-300)
-    angles = 2 * np.pi * columns
+    angles, aside = 2 * np.pi * columns, 2 * np.pi * aside
     return PolarGrid(
-        angles, radius, weight, slope, noise, spread, bend, source, bottom, rise, several, flat
+        angles,
+        radius,
+        weight,
+        slope,
+        noise,
+        spread,
+        bend,
+        source,
+        aside,
+        bottom,
+        rise,
+        several,
+        flat,
     )
 
 
@@ -125,20 +145,40 @@ def _turns(X: Floats) -> Floats:
     return np.asarray(np.arctan2(X[:, 1], X[:, 0]) / (2 * np.pi) % 1.0)
 
 
-def _columns(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Floats:
-    """(s,) where cells stand round the turn, in turns."""
+def _columns(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> tuple[Floats, float]:
+    """(s,) where cells stand round the turn, in turns, and how far beside one a surface may end
+    that has its place there: where the cells stand on profiles, none is met by the whole of each,
+    as a sheet leans a little and passes a little beside the axis."""
     reach = np.concatenate([np.hypot(*s.mesh.vertices[:, :2].T) for s in surfaces])
     if 2 * np.pi / steps * float(np.median(reach)) < _COARSE * rise:
-        return np.arange(steps) / steps
-    places = []
-    for s in surfaces:
-        turn = _turns(s.mesh.vertices)
-        ray = np.exp(2j * np.pi * turn)
-        middle = np.bincount(s.ranks, ray.real) + 1j * np.bincount(s.ranks, ray.imag)
-        places.append(np.angle(middle) / (2 * np.pi) % 1.0)
-    every = np.sort(np.concatenate(places))
-    apart = np.diff(every, prepend=every[-1] - 1.0) > _SAME / steps
-    return np.asarray(every[apart])
+        return np.arange(steps) / steps, 0.0
+    profiles = [_directions(s) for s in surfaces]
+    angle, far = np.concatenate([a for a, _ in profiles]), np.concatenate([r for _, r in profiles])
+    # Beside the axis a step is short, and noise draws an angle by many: what lies there has a
+    # column of its own where none stands near it, and takes none from what lies further out.
+    usual = float(np.median(reach))
+    room = np.clip(_SAME * usual / np.maximum(far, 1e-12), _SAME, _APART) / steps
+    out = list[float]()
+    for k in np.lexsort((angle, -far)):
+        i = bisect(out, angle[k])
+        beside = (out[i - 1], out[i % len(out)]) if out else ()
+        if all(abs((angle[k] - c + 0.5) % 1.0 - 0.5) > room[k] for c in beside):
+            out.insert(i, float(angle[k]))
+    return np.asarray(out), _SAME / steps
+
+
+def _directions(s: RangeSurface) -> tuple[Floats, Floats]:
+    """(p,) where each profile of a surface stands round the turn, in turns, and mm how far its
+    furthest point lies from the axis.
+
+    It stands where its points lie least aside of, by least squares: far ones tell most.
+    """
+    x, y = s.mesh.vertices[:, 0], s.mesh.vertices[:, 1]
+    r = np.hypot(x, y)
+    angle = np.arctan2(np.bincount(s.ranks, y * r), np.bincount(s.ranks, x * r))
+    far = np.zeros(len(angle))
+    np.maximum.at(far, s.ranks, r)
+    return np.asarray(angle / (2 * np.pi) % 1.0), far
 
 
 def _unlike(radius: Floats, apart: float) -> int:
@@ -170,18 +210,22 @@ def merge_polar(
     with np.errstate(invalid="ignore"):
         guess = grid.bend**2 - grid.noise**2 > max(_GUESS * grid.rise, _JUMP * usual) ** 2
     guess |= _vague(grid, surfaces, _VAGUE * usual)
-    grid = replace(grid, weight=np.where(guess, 0.0, grid.weight))
-    best = np.argmax(grid.weight, axis=0)[None]
+    weight = np.where(guess, 0.0, grid.weight)
+    # What ends beside a cell says nothing where another surface goes on.
+    met = ((weight > 0) & (grid.aside == 0)).any(axis=0)
+    weight = np.where(met & (grid.aside != 0), 0.0, weight)
+    best = np.argmax(weight * np.nan_to_num(grid.radius), axis=0)[None]
     chosen = np.take_along_axis(grid.radius, best, 0)
     noise, slope = (np.take_along_axis(v, best, 0) for v in (grid.noise, grid.slope))
     with np.errstate(invalid="ignore"):
         off = np.fmax(slope, grid.slope) * np.abs(grid.radius - chosen) > _JUMP * np.hypot(
             grid.noise, noise
         )
-    weight = np.where(off, 0.0, grid.weight)
+    weight = np.where(off, 0.0, weight)
     total = weight.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         radius = np.nansum(weight * grid.radius, axis=0) / total
+        phi = grid.angles[:, None] + np.nansum(weight * grid.aside, axis=0) / total
         # Beyond what is usual it is edges and chords that move a place, and all surfaces alike.
         known = np.minimum(grid.spread, usual)
         common = np.sqrt(grid.spread**2 - known**2)
@@ -190,11 +234,10 @@ def merge_polar(
         )
         sigma /= total
     _, s, n = grid.radius.shape
-    phi = grid.angles
     points = np.stack(
         [
-            radius * np.cos(phi)[:, None],
-            radius * np.sin(phi)[:, None],
+            radius * np.cos(phi),
+            radius * np.sin(phi),
             np.where(np.isnan(radius), np.nan, grid.bottom + grid.rise * np.arange(n)),
         ],
         axis=-1,
@@ -202,7 +245,7 @@ def merge_polar(
     merged = RangeGrid(
         laser="merged",
         steps=np.arange(s, dtype=np.int32),
-        angles=phi,
+        angles=grid.angles,
         points=points,
         sigma=sigma,
         amplitude=sigma,
@@ -227,7 +270,7 @@ def _vague(grid: PolarGrid, surfaces: Sequence[RangeSurface], most: float) -> Bo
         some = np.stack(np.nonzero(grid.noise > most))
     for i, surface in enumerate(surfaces):
         own = some[:, some[0] == i]
-        r, angle = grid.radius[tuple(own)], grid.angles[own[1]]
+        r, angle = grid.radius[tuple(own)], grid.angles[own[1]] + grid.aside[tuple(own)]
         height = grid.bottom + grid.rise * own[2]
         at = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=-1)
         away = np.linalg.norm(at - surface.mesh.vertices[grid.source[tuple(own)]], axis=1)

@@ -31,6 +31,9 @@ class Cells(NamedTuple):
     """mm along the normal: the same, but for edges between profiles."""
     source: Ints
     """The nearest vertex, −1 where the cell was not met."""
+    aside: Floats
+    """How far beside the cell's column the place lies, in turns: 0 where the surface meets the
+    column, else where it ends before that; NaN where the cell was not met."""
 
 
 @njit(cache=True, nogil=True)
@@ -60,6 +63,78 @@ def _turned(
 
 
 @njit(cache=True, nogil=True)
+def _end(
+    across: Floats, along: Floats, heights: Floats, face: Ints, step: Ints, z: float
+) -> tuple[float, float, float]:
+    """Where the profile of a face is nearest to a ray from the axis at the height ``z``: the
+    barycentric coordinates of its second and third vertex, and the angle to the ray, in turns,
+    infinite where no side on a profile passes that height: others were not measured.
+
+    For a ray beside the face, its vertices ``across`` and ``along`` the ray (`_turned`).
+    """
+    best, at_u, at_v = np.inf, 0.0, 0.0
+    for i in range(3):
+        j = (i + 1) % 3
+        if step[face[i]] != step[face[j]] or heights[i] == heights[j]:
+            continue
+        t = (z - heights[i]) / (heights[j] - heights[i])
+        if t < -1e-6 or t > 1.0 + 1e-6:
+            continue
+        x, y = across[i] + t * (across[j] - across[i]), along[i] + t * (along[j] - along[i])
+        angle = np.arctan2(x, y) / (2.0 * np.pi)
+        if abs(angle) < abs(best):
+            best = angle
+            at_u = (1.0 - t if i == 1 else 0.0) + (t if j == 1 else 0.0)
+            at_v = (1.0 - t if i == 2 else 0.0) + (t if j == 2 else 0.0)
+    return at_u, at_v, best
+
+
+@njit(cache=True, nogil=True)
+def _counts(cells: Cells, k: int, z: int, aside: float, evidence: float) -> bool:
+    """Whether a place counts in a cell rather than what is there: what meets the column before what
+    ends beside it, that by how far; else by its ``evidence``, weight times radius.
+
+    A cell stands for an area that grows with the radius: beside the axis it is next to nothing.
+    """
+    if np.isnan(cells.radius[k, z]):
+        return True
+    if abs(aside) != abs(cells.aside[k, z]):
+        return abs(aside) < abs(cells.aside[k, z])  # type: ignore[no-any-return]
+    return evidence > cells.weight[k, z] * cells.radius[k, z]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _reach(
+    along: Floats,
+    place: tuple[float, float, float],
+    bulges: tuple[float, float, float],
+    steep: float,
+) -> float:
+    """mm: how far from the axis a ``place`` on a face lies, its barycentric coordinates and its
+    angle to the ray `_turned` took, with what the face bulges between its vertices."""
+    u, v, beside = place
+    w = 1.0 - u - v
+    bulge = w * (u * bulges[0] + v * bulges[2]) + u * v * bulges[1]
+    flat = w * along[0] + u * along[1] + v * along[2]
+    return flat / np.cos(2.0 * np.pi * beside) + bulge / max(steep, _STEEP)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _put(
+    cells: Cells,
+    k: int,
+    z: int,
+    place: tuple[float, float, float, float],
+    variance: tuple[float, float, float],
+    source: int,
+) -> None:
+    """Write a cell: radius, weight, slope and how far aside; the three variances, mm²; a vertex."""
+    cells.radius[k, z], cells.weight[k, z], cells.slope[k, z], cells.aside[k, z] = place
+    cells.noise[k, z], cells.spread[k, z] = np.sqrt(variance[0]), np.sqrt(variance[1])
+    cells.bend[k, z], cells.source[k, z] = np.sqrt(variance[2]), source
+
+
+@njit(cache=True, nogil=True)
 def raster(
     vertices: Vertices,
     bends: Floats,
@@ -69,7 +144,7 @@ def raster(
     faces: Ints,
     columns: Floats,
     lines: tuple[float, float],
-    alike: float,
+    limits: tuple[float, float],
     cells: Cells,
 ) -> tuple[int, int]:
     """Fill the ``cells`` with the radius of a mesh at every angle and height.
@@ -78,15 +153,15 @@ def raster(
     how high the lowest cells lie and how far others over each other, mm.
     ``bends`` (v,) mm are what of ``vertices.between`` no edge makes.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
-    from 0 to 1, the columns ascending. Where a cell is met twice the face of more weight counts.
-    Returns how many cells were met, and how often at a radius more than ``alike`` mm away.
+    from 0 to 1, the columns ascending. ``limits`` are the mm within which two radii are alike, and
+    the turns within which a face that ends beside a column is met at its end. Which counts where a
+    cell is met twice: `_counts`.
+    Returns how many cells were met, and how often at a radius that is not alike.
     """
-    points, sigma, between, step = vertices
-    bottom, apart = lines
-    radius, weight, slope, noise, spread, bend, source = cells
-    s, n = radius.shape
+    points, (bottom, apart), (alike, room) = vertices.points, lines, limits
+    s, n = cells.radius.shape
     met, clashes = 0, 0
-    along, across, normal = np.empty(3), np.empty(3), np.empty(3)
+    along, across, heights, normal = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         xa = around[a]
@@ -101,41 +176,43 @@ def raster(
         ca = rise(points, normals, c, a)
         low = max(0, int(np.ceil(min(za, zb, zc) - 1e-9)))
         high = min(n - 1, int(np.floor(max(za, zb, zc) + 1e-9)))
-        whole = np.floor(left - 1e-9)
-        k = np.searchsorted(columns, left - 1e-9 - whole)
+        bulges = ab, bc, ca
+        heights[0], heights[1], heights[2] = za, zb, zc
+        whole = np.floor(left - room - 1e-9)
+        k = np.searchsorted(columns, left - room - 1e-9 - whole)
         while True:
             if k == s:
                 k, whole = 0, whole + 1.0
             x = columns[k] + whole
-            if x > right + 1e-9:
+            if x > right + room + 1e-9:
                 break
             # Along the ray from the axis, and across it: faces are flat in space, not in radius.
             east, north = np.cos(2 * np.pi * x), np.sin(2 * np.pi * x)
             _turned(points, faces[f], east, north, along, across)
             xa, xb, xc = across
             area = (xb - xa) * (zc - za) - (xc - xa) * (zb - za)
-            if area == 0.0:
-                k += 1
-                continue
             steep = abs(normal[0] * east + normal[1] * north)
-            for z in range(low, high + 1):
+            for z in range(low, high + 1 if area != 0.0 else low):
                 u = (-xa * (zc - za) - (xc - xa) * (z - za)) / area
                 v = ((xb - xa) * (z - za) + xa * (zb - za)) / area
+                beside = 0.0
+                if u < -1e-6 or v < -1e-6 or u + v > 1.0 + 1e-6:
+                    u, v, beside = _end(across, along, heights, faces[f], vertices.step, z)
+                    if abs(beside) > room or beside == 0.0:
+                        continue
+                r = _reach(along, (u, v, beside), bulges, steep)
+                there = beside == 0.0 and cells.aside[k, z] == 0.0
+                met += beside == 0.0 and not there
+                clashes += there and abs(r - cells.radius[k, z]) > alike
+                own, wide = variances(
+                    faces[f], u, v, vertices.sigma, vertices.between, vertices.step
+                )
                 w = 1.0 - u - v
-                if u < -1e-6 or v < -1e-6 or w < -1e-6:
-                    continue
-                bulge = w * (u * ab + v * ca) + u * v * bc
-                r = w * along[0] + u * along[1] + v * along[2] + bulge / max(steep, _STEEP)
-                own, wide = variances(faces[f], u, v, sigma, between, step)
                 strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(wide, 1e-12)
-                there = not np.isnan(radius[k, z])
-                met += not there
-                clashes += there and abs(r - radius[k, z]) > alike
-                if there and strong <= weight[k, z]:
+                if not _counts(cells, k, z, beside, strong * r):
                     continue
-                radius[k, z], weight[k, z], slope[k, z] = r, strong, steep
-                noise[k, z], spread[k, z] = np.sqrt(own), np.sqrt(wide)
-                bend[k, z] = np.sqrt(variances(faces[f], u, v, sigma, bends, step)[1])
-                source[k, z] = a if w >= u and w >= v else (b if u >= v else c)
+                bent = variances(faces[f], u, v, vertices.sigma, bends, vertices.step)[1]
+                source = a if w >= u and w >= v else (b if u >= v else c)
+                _put(cells, k, z, (r, strong, steep, beside), (own, wide, bent), source)
             k += 1
     return met, clashes
