@@ -122,6 +122,44 @@ def test_a_narrow_stripe_with_less_light_than_its_slope_sends_is_cut(light, cut)
     assert not np.delete(due, 7, 0).any()
 
 
+@pytest.mark.parametrize(
+    ("width", "light", "few", "doubted"),
+    [
+        (0.78, 0.5, False, True),
+        (1.0, 0.5, False, False),  # dark paint
+        (0.78, 1.0, False, False),  # narrow, and nothing is missing
+        (0.78, 0.5, True, False),  # one profile of them says nothing of a line
+    ],
+)
+def test_lines_whose_stripes_are_all_cut_alike_are_held_against_others(width, light, few, doubted):
+    """A gear in as many steps as it has teeth, every profile in a gap: the hub above it tells how
+    wide and bright a whole stripe is."""
+    rng = np.random.default_rng(5)
+    seen = notched(1.0, 1.0, deep=0.0)
+    gap = np.zeros((S, N), np.bool_)
+    gap[:, : N // 2] = True
+    points = seen.points.copy()
+    if few:
+        points[1:, : N // 2] = np.nan
+    wide = np.where(gap, width, 1.0) * np.exp(0.03 * rng.standard_normal((S, N)))
+    bright = np.where(gap, light / width, 1.0) * np.exp(0.03 * rng.standard_normal((S, N)))
+    walk = np.full((2, S, N), 0.2 * np.cos(0.4))
+    none = np.isnan(points[..., 0])
+    lit = replace(seen, points=points, width=np.where(none, np.nan, DUE * wide),
+                  amplitude=np.where(none, np.nan, 100.0 * bright))  # fmt: skip
+    alone = Alone(*np.zeros((3, S, N), np.bool_), np.ones((S, N), np.bool_))
+    doubt = by_own_light(
+        lit, Own(lit.width, lit.amplitude, walk), np.zeros((S, N)), alone, THICK,
+        lambda w: np.full(w.shape, np.nan),
+    )  # fmt: skip
+    there = gap & ~none
+    if doubted:
+        assert np.all((doubt[there] > 0.3 * DUE) & (doubt[there] < 0.7 * DUE)), doubt[there] / DUE
+    else:
+        assert not doubt[there].any()
+    assert not doubt[~gap].any()
+
+
 @pytest.mark.parametrize("lines", [1, 2, 4])
 def test_a_line_that_two_surfaces_above_each_other_share_is_doubted(lines):
     """It is as wide as due, and much fainter than those on either side; four of them are more than

@@ -10,6 +10,7 @@ can tell that from a cut.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,15 @@ _BENDS = 0.5
 """rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
 bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
 _BEST = 0.8
-"""Quantile of the light of a line over the turn that is that of a whole stripe."""
+"""Quantile of the light of a line over the turn that is that of a whole stripe, and of the lines
+that tell whether a line has one …"""
+_BRIGHT = 0.85
+"""… and part of it from which on a line is one of those that do."""
+_OFTEN = 0.5
+"""Part of the most profiles in which any line is seen, below which what all of a line's stripes are
+like says nothing."""
+_NARROWER = 0.08
+"""Part of their width that the stripes of a line lack at least where all of them are cut alike."""
 _APART, _SOME = 5, 64
 """Lines apart, of so many steps, that tell how far speckle makes the light of stripes differ; …"""
 _LEAST, _MOST = 0.02, 0.5
@@ -85,7 +94,11 @@ def by_own_light(
     """
     whole = own.width * own.bright
     best = _best(whole)
-    asked = alone.lone | alone.still | alone.blind | (doubt > 0) | (whole < _DARK * best)
+    alike = np.zeros(len(best), dtype=np.bool_)
+    if thickness > 0:
+        on = partial(_due, thickness=thickness, due_on=due_on)
+        best, alike = _of_whole(best, own.width, light, on)
+    asked = alone.lone | alone.still | alone.blind | (doubt > 0) | (whole < _DARK * best) | alike
     at = np.nonzero(asked & (own.width > 0))
     if not (thickness > 0 and len(at[0])):
         return doubt
@@ -99,8 +112,10 @@ def by_own_light(
     off = by_light(left, 1.0 - noise)
     blind = alone.blind[at] & ~(fits & _round(own.walk[:, at[0], at[1]], (facing, lean), left))
     found = np.where(blind, _USUAL * np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
-    of_slope = left / np.cos(np.arctan((1 - 1 / ratio) / lean))
     cut = (ratio < 1 - _SURE) & ~(fits & alone.agree[at])
+    # Where all of a line is cut alike, no slope explains that light is missing, nor does paint.
+    slope = np.where(alike[at[1]], 1.0, np.cos(np.arctan((1 - 1 / ratio) / lean)))
+    of_slope, cut = left / slope, cut | alike[at[1]]
     found = np.maximum(found, np.where(cut, lacking(of_slope), 0.0) * width)
     # What is wider lies on surfaces behind each other, and may have all of its light; more light
     # than a whole stripe has comes from elsewhere.
@@ -166,3 +181,40 @@ def _best(whole: Floats) -> Floats:
     count = (~np.isnan(whole)).sum(axis=0)
     best = have[np.maximum(np.ceil(_BEST * count).astype(np.intp) - 1, 0), np.arange(len(count))]
     return np.asarray(best)
+
+
+def _of_whole(
+    best: Floats, width: Floats, light: LitPoints, due_on: Callable[[Floats], Floats]
+) -> tuple[Floats, Bools]:
+    """The ``best`` light (n,) of lines, that of bright ones about them where no stripe is whole,
+    and True for those.
+
+    Where every profile falls on the same place of a part that repeats, as the gaps of a gear, the
+    best stripe of a line is cut as all of them are. Its stripes are narrower then than those of
+    other lines, as those of the hub, and have much less light. What is dark is as wide as the rest.
+    ``width`` (s, n) px; ``due_on`` says how wide whole stripes are, px.
+    """
+    some = np.zeros(width.shape, dtype=np.bool_)
+    every = -(-len(width) // _SOME)
+    some[::every] = width[::every] > 0
+    at = np.nonzero(some)
+    part = np.full(width.shape, np.nan)
+    part[at] = width[at] / due_on(_facing(light, at)[0])
+    seen = some.sum(axis=0)
+    known = np.flatnonzero((seen >= max(1.0, _OFTEN * seen.max(initial=0))) & ~np.isnan(best))
+    out, alike = best.copy(), np.zeros(len(best), dtype=np.bool_)
+    if not len(known):
+        return out, alike
+    wide, usual = (np.nanmedian(v[::every, known], axis=0) for v in (part, width * light.amplitude))
+    # A surface that the sheet grazes is lit in a wide stripe, and all of that is more light.
+    bright = wide <= 1 + _SURE
+    if not bright.any():
+        return out, alike
+    bright &= best[known] >= _BRIGHT * np.quantile(best[known][bright], _BEST)
+    as_wide, as_light, about = (
+        np.interp(known, known[bright], values[bright]) for values in (wide, usual, best[known])
+    )
+    cut = (wide < (1 - _NARROWER) * as_wide) & (usual < _DARK * as_light)
+    cut &= best[known] < _BRIGHT * about
+    out[known[cut]], alike[known[cut]] = about[cut], True
+    return out, alike
