@@ -22,6 +22,8 @@ from turnscan.devices import aravis_library
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 """Real pictures and scans made by others: beside turnscan, not part of it."""
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser")
+"""Chromium without windows first: it makes a page with a quarter of the processor time."""
 TESTS_OF_SHARED_DATA = 60
 """No more tests than these may need `SHARED`."""
 
@@ -89,7 +91,7 @@ NEEDS = {
     "assimp": Need(program("assimp")),
     "dime": Need(program("dxf2vrml")),
     "gdal": Need(program("ogr2ogr")),
-    "chromium": Need(program("chromium", "chromium-browser")),
+    "chromium": Need(program(*BROWSERS)),
     "C compiler": Need(program("cc")),
     "fake GigE camera": Need(program("arv-fake-gv-camera-0.8")),
     "Aravis": Need(_aravis, "make drivers installs it (Debian, as root)"),
