@@ -32,7 +32,9 @@ import llvmlite
 import llvmlite.binding
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.types import unliteral  # type: ignore[attr-defined]
+from numba.core.types.functions import BaseFunction
 from numba.extending import overload
 from numba.misc.appdirs import user_cache_dir
 from numba.np import arrayobj
@@ -96,6 +98,49 @@ def _unlike_shapes(source: Any, place: Any) -> Callable[[Any, Any], None]:
 # numba's own names both shapes, and compiles half of its text library for that sentence into each
 # kernel with such an assignment: a sixth of all the time of compiling (`turnscan precompile`).
 arrayobj.raise_with_shape_context = unlike_shapes
+
+_resolve: Any = BaseFunction.get_call_type
+_same_options: Any = TargetConfig.__eq__
+
+
+def _remembered(function: Any, context: Any, args: Iterable[Any], kws: Mapping[str, Any]) -> Any:
+    """numba's typing of a call of one of its own functions, which it forgets after each call.
+
+    ``a + b`` of two numbers is asked for hundreds of times in a kernel, and each time numba tries
+    all kinds of addition that it knows. What it refuses it is asked again: that is the rare case.
+    """
+    key = (context, tuple(args), tuple(kws.items()), ConfigStack.top_or_none())
+    try:
+        known = function.__dict__.setdefault("turnscan_known", {})
+        found = known.get(key)
+    except TypeError:  # an argument that has no hash
+        return _resolve(function, context, args, kws)
+    if found is None:
+        found = _resolve(function, context, args, kws)
+        if found is not None:
+            known[key] = found
+    return found
+
+
+def _equal_options(options: Any, other: Any) -> Any:
+    """numba's comparison of what two functions are compiled with, the quick case first.
+
+    numba asks at each call within a kernel, and collects all fifty options of both.
+    """
+    if options is other or (type(options) is type(other) and options._values == other._values):
+        return True
+    return _same_options(options, other)
+
+
+def _hash_of_options(options: Any) -> int:
+    """As good as numba's, which sorts the names of all options: they are the same in a class."""
+    return hash(type(options))
+
+
+# A seventh of all the time of compiling, together; the machine code is the same.
+BaseFunction.get_call_type = _remembered  # type: ignore[method-assign, assignment]
+TargetConfig.__eq__ = _equal_options
+TargetConfig.__hash__ = _hash_of_options
 
 
 def kept_in() -> Path | None:
