@@ -160,6 +160,18 @@ def test_lines_whose_stripes_are_all_cut_alike_are_held_against_others(width, li
     assert not doubt[~gap].any()
 
 
+@pytest.mark.parametrize(
+    ("width", "light", "gone"),
+    [(0.3, 0.005, True), (1.0, 0.005, False), (0.3, 0.05, False)],
+)
+def test_of_what_next_to_nothing_is_left_no_stripe_is_believed(width, light, gone):
+    """Peaks of noise in the light that other surfaces throw; dark paint, and a stripe that is cut,
+    stay."""
+    glow = wholeness(notched(width, light)).glow
+    assert np.all(glow[7] == gone)
+    assert not np.delete(glow, 7, 0).any()
+
+
 @pytest.mark.parametrize("lines", [1, 2, 4])
 def test_a_line_that_two_surfaces_above_each_other_share_is_doubted(lines):
     """It is as wide as due, and much fainter than those on either side; four of them are more than

@@ -47,6 +47,11 @@ _LEAST, _MOST = 0.02, 0.5
 """… so much it is believed to be at least and at most."""
 
 
+_SPENT, _HALF = 0.01, 0.5
+"""Parts of the usual light and of the width on a surface that faces the camera, less than which of
+both is left of no stripe that tells where the sheet's middle is."""
+
+
 class Own(NamedTuple):
     """Stripes, as wide and bright as they are about each."""
 
@@ -218,3 +223,26 @@ def _of_whole(
     cut &= best[known] < _BRIGHT * about
     out[known[cut]], alike[known[cut]] = about[cut], True
     return out, alike
+
+
+def spent(
+    light: LitPoints, own: Own, thickness: float, due_on: Callable[[Floats], Floats]
+) -> Bools:
+    """(s, n) True where no more than a hundredth is left of the usual light, in a stripe half as
+    wide as a whole one, or less.
+
+    A Gaussian that is cut so lies more than two of its widths beside its middle, and its sigma no
+    longer says by how much. Most are peaks of noise in the light that other surfaces throw. What is
+    painted as dark is as wide as the rest, and stays.
+    """
+    whole = own.width * own.bright
+    out = np.zeros(whole.shape, dtype=np.bool_)
+    have = whole[whole > 0]
+    if not (thickness > 0 and len(have)):
+        return out
+    with np.errstate(invalid="ignore"):
+        at = np.nonzero(whole < _SPENT * float(np.median(have)))
+    if len(at[0]):
+        due = _due(_facing(light, at)[0], thickness, due_on)
+        out[at] = own.width[at] < _HALF * due
+    return out

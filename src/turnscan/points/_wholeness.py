@@ -26,7 +26,7 @@ from turnscan.points._creased import (
 )
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
-from turnscan.points._own_light import Alone, Own, by_own_light
+from turnscan.points._own_light import Alone, Own, by_own_light, spent
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -186,14 +186,15 @@ def _lying(
             glow[a:b] = dim[a:b] & (np.fmin(*ratio)[1:-1] > _GLOW_WIDTH)
 
     in_parts(part, size, -(-size // _TOGETHER))
-    glow = _runs_of(glow, dim)
+    lit = Own(width, bright, walk)
+    glow = _runs_of(glow, dim) | spent(light, lit, thickness, due_on)
     still = np.isinf(walk).any(axis=0)
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     lone = (np.isnan(walk).all(axis=0) | (ends & np.isnan(flat)).any(axis=0)) & ~still
     agree = _agree(walk)
     blind = (fine < KNOWN) & (~agree | (doubt > 0)) & ~still
     alone = Alone(lone, still, blind, agree)
-    doubt = by_own_light(light, Own(width, bright, walk), doubt, alone, thickness, due_on)
+    doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
     own = Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0)
     return own, thickness, still
 
