@@ -17,7 +17,7 @@ from bench._drawn import Drawn, bench_board
 from bench._held import LARGE, STANDARD, Held
 from bench._rigs import BOARD
 from bench.calibration._figures import Figure, at_most
-from bench.calibration.boards import seen_of, spread_of
+from bench.calibration.boards import ASKED, seen_of, spread_of
 from turnscan.rig import Pose, Rig
 from turnscan.simulate import SimulationSpec, bench
 
@@ -57,7 +57,9 @@ def _lines(true: Rig, rigs: list[Rig], way: Held) -> Iterator[Figure]:
         ("axis to the sheet, turned", "°", slice(5, 6), 1),
     ):
         size = np.linalg.norm(off[:, part], axis=1)
-        line = at_most(f"{way.words}: {what}", float(size.max()), (0.02, 0.005, 0.02, 0.005)[k], unit, 4)
+        line = at_most(
+            f"{way.words}: {what}", float(size.max()), (0.02, 0.005, 0.02, 0.005)[k], unit, 4
+        )
         words = (
             f"median {np.median(size):.4f}, largest {size.max():.4f} {unit} of {len(size)} draws"
         )

@@ -37,9 +37,9 @@ STEPS = 40
 VIEWS = (20, 12, 24)
 """Pictures of the board: held freely, under the laser, on the table."""
 SEEDS = (1, 2, 3, 4, 5)
-_MODERN = (0.02, 0.005, 0.02, 0.005, 0.02, 0.02, 0.03)
-"""What was asked: mm and degrees of the axis, in either frame, mm of the balls' diameters and of
-their distance."""
+ASKED = (0.02, 0.005, 0.02, 0.005, 0.02, 0.02, 0.03)
+"""What was asked of the modern rig: mm and degrees of the axis in either frame, mm of the balls'
+diameters and of their distance."""
 _MIDDLE = np.array([0.0, 0.0, 60.0])
 """Half as high as the bar."""
 _EXACT = 1e-6
@@ -62,7 +62,7 @@ def figures(quick: bool) -> Iterator[Figure]:
     """The paper's rig, and but for ``quick`` the webcam's and the modern one."""
     for name in ("paper",) if quick else ("paper", "ciclop"):
         yield from _told(name, [found(name, seed) for seed in SEEDS[: 2 if quick else None]])
-    for f, limit in zip([] if quick else found("modern", 1), _MODERN, strict=True):
+    for f, limit in zip([] if quick else found("modern", 1), ASKED, strict=True):
         line = at_most(f"modern: {f.what}", f.error, limit, f.unit, 4)
         told = f"{line.reached} (U = {f.expanded:.3g} {f.unit})"
         yield Figure(line.name, line.asked, told, line.met)
@@ -142,4 +142,4 @@ def spread_of(rig: Rig, laser: str, basis: Floats) -> Floats:
     return np.asarray(J.T @ J)
 
 
-__all__ = ["Found", "figures", "found"]
+__all__ = ["ASKED", "Found", "figures", "found"]

@@ -134,9 +134,9 @@ def pixel_moves(
     """How points seen at pixels (m, 2) and table angles (m,) move with the pixels' grid, (m, 3) mm.
 
     A centre swings about the true one with its place in the pixel, by `_LOCKED` px. What has the
-    same place in all pictures, as a round part on the axis has, is off by the same everywhere. How the swing lies is not known: there are
-    two fields, one standard deviation each. ``across`` is 0 where the stripe moves along the rows,
-    1 along the columns.
+    same place in all pictures, as a round part on the axis has, is off by the same everywhere. How
+    the swing lies is not known: there are two fields, one standard deviation each. ``across`` is 0
+    where the stripe moves along the rows, 1 along the columns.
     """
     uv = np.asarray(pixels, dtype=np.float64)
     beside = np.zeros(2)

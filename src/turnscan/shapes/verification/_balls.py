@@ -7,11 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Longs
 from turnscan.errors import InputError
 from turnscan.shapes._fit import fit_sphere
 from turnscan.shapes._forms import Sphere
-from turnscan.shapes.verification._statistics import clumping, kept
+from turnscan.shapes.verification._statistics import (
+    clumping,
+    kept,
+    line_covariance,
+    with_lines,
+)
 from turnscan.shapes.verification._survey import Index, Survey
 
 _SEEDS = 160
@@ -42,7 +47,8 @@ class Ball:
     index: Index
     """(n,) points of the survey that count; the sphere goes through all but 0.3 % of them."""
     sphere: Sphere
-    """Its covariance holds the points' noise and, by `clumping`, what neighbours share."""
+    """Its covariance holds the points' noise, by `clumping` what neighbours share, and by
+    `line_covariance` what a line of the picture repeats in all profiles."""
     residual: Floats
     """(n,) mm: distance of each point from the sphere, positive outside."""
     left_out: float
@@ -99,22 +105,26 @@ def ball_at(survey: Survey, centre: Floats, radius: float) -> Ball:
     out = X[good] - fit.centre
     residual = np.linalg.norm(out, axis=1) - fit.radius
     shared = clumping(residual, _cell(out), 4)
-    covariance = shared * _scattered(out[inner], residual[inner])
+    lines = None if survey.lines is None else survey.lines[good[inner]]
+    covariance = _scattered(out[inner], residual[inner], shared, lines)
     sphere = Sphere(fit.centre, fit.radius, fit.rms, covariance, fit.count)
     return Ball(good, sphere, residual, 1.0 - len(good) / max(len(on), 1), shared)
 
 
-def _scattered(out: Floats, residual: Floats) -> Floats:
+def _scattered(out: Floats, residual: Floats, shared: float, lines: Longs | None) -> Floats:
     """(4, 4) mm²: covariance of the sphere through points (n, 3) from its centre, not weighted.
 
     From each point's own residual (n,), for those that are seen at an angle, or far away, scatter
-    more than others (H. White, A heteroskedasticity-consistent covariance matrix, 1980).
+    more than others (H. White, A heteroskedasticity-consistent covariance matrix, 1980); ``shared``
+    times as much for what neighbours share, and with what lines (n,) repeat.
     """
     J = np.column_stack([-out / np.linalg.norm(out, axis=1)[:, None], -np.ones(len(out))])
     back = np.linalg.pinv(J)
     share = len(out) / (len(out) - J.shape[1])
-    covariance: Floats = share * (back * residual**2) @ back.T
-    return covariance
+    alone: Floats = share * (back * residual**2) @ back.T
+    if lines is None:
+        return shared * alone
+    return with_lines(shared * alone, alone, line_covariance(back, residual, lines))
 
 
 def ball_moves(survey: Survey, ball: Ball, some: Index) -> tuple[Floats, Floats]:

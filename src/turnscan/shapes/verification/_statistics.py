@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Longs
 
 DISCARD = 0.003
 """Share of the points that may be left out of a range, as VDI/VDE 2634-2 allows."""
@@ -12,6 +12,9 @@ SHELL = 0.95
 """Share of the points in the thinnest shell."""
 _TAIL = 20
 """Points of a tail by which its steepness is judged, at least."""
+
+NEAR_LINES = 12
+"""Lines over which the same error may lie, by a weight that falls off: a block of JPEG has eight."""
 
 _FAR, _NODES = 9.0, 1801
 """Standard deviations beyond which nothing lies, and nodes of an integral up to there."""
@@ -82,6 +85,42 @@ def clumping(residual: Floats, cell: np.ndarray, free: int) -> float:
     if spread <= 0:
         return 1.0
     return max(1.0, float((count[used] * mean**2).sum()) / (spread * (int(used.sum()) - free)))
+
+
+def line_covariance(back: Floats, residual: Floats, lines: Longs) -> Floats:
+    """(p, p): covariance of fitted parameters, where the residuals of a line of the picture, and of
+    lines near it, may be the same in all profiles.
+
+    ``back`` (p, n) is the parameters' slope by each residual (n,). What the pixels of a line, its
+    rounding, compression or filter do to the stripe of a round part on the axis is repeated at each
+    step and does not average out over them. So the moves of each line are added up with their signs
+    over all profiles, and with those of lines up to `NEAR_LINES` away with a weight that falls off
+    (J. C. Driscoll and A. C. Kraay, Consistent covariance matrix estimation with spatially
+    dependent panel data, 1998, with the lines for the periods of time).
+    """
+    seen, place = np.unique(lines, return_inverse=True)
+    sums = [np.bincount(place, b * residual, len(seen)) for b in back]
+    moves = np.array(sums, dtype=np.float64)
+    total: Floats = moves @ moves.T
+    for lag in range(1, NEAR_LINES):
+        there = np.searchsorted(seen, seen + lag)
+        pairs = np.flatnonzero(seen[np.minimum(there, len(seen) - 1)] == seen + lag)
+        both = moves[:, pairs] @ moves[:, there[pairs]].T
+        total += (1.0 - lag / NEAR_LINES) * (both + both.T)
+    share: Floats = total * (len(seen) / max(len(seen) - len(back), 1))
+    return share
+
+
+def with_lines(by_cells: Floats, alone: Floats, by_lines: Floats) -> Floats:
+    """(p, p): covariance of parameters by what neighbours on the part share, and what lines do.
+
+    ``by_cells`` and ``by_lines`` each hold ``alone``, what points that share nothing would give; it
+    counts once. (A. C. Cameron, J. B. Gelbach and D. L. Miller, Robust inference with multiway
+    clustering, 2011, without what would make it smaller.)
+    """
+    values, ways = np.linalg.eigh(by_lines - alone)
+    more: Floats = by_cells + (ways * np.maximum(values, 0.0)) @ ways.T
+    return more
 
 
 def noise_range(scatter: Floats) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, frozen
+from turnscan.arrays import Floats, Longs, frozen
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid, pixels_of, rig_moves
@@ -17,6 +17,9 @@ from turnscan.shapes._measure import measured_points
 
 Index = npt.NDArray[np.intp]
 Moves = Callable[[Index], Floats]
+
+_APART = 1 << 20
+"""Lines from those of one laser to those of the next."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,20 @@ class Survey:
     """(n, 3) mm: where the camera stood that saw each; None when not known."""
     moves: Moves | None = None
     """Indices (k,) → (m, k, 3) mm: how these points move, all at once, with one standard deviation
-    of each of m independent directions of the rig's calibration; None when not known."""
+    of each of m independent directions of the rig's calibration, and of what is not known of its
+    thick sheet of light (`RangeGrid.light_doubt`); None when not known."""
+    lines: Longs | None = None
+    """(n,) the line of the picture in which each was seen, those of another laser far behind; None
+    when not known."""
 
     def __post_init__(self) -> None:
         n = len(self.points)
         object.__setattr__(self, "points", frozen(self.points, (n, 3), "Survey.points"))
         if self.eyes is not None:
             object.__setattr__(self, "eyes", frozen(self.eyes, (n, 3), "Survey.eyes"))
+        if self.lines is not None:
+            lines = frozen(self.lines, (n,), "Survey.lines", np.int64)
+            object.__setattr__(self, "lines", lines)
 
 
 def survey_of_mesh(mesh: Mesh) -> Survey:
@@ -50,17 +60,20 @@ def survey_of_grids(grids: Sequence[RangeGrid], rig: Rig) -> Survey:
 
     Raises InputError where there are none.
     """
-    points, eyes, angles, laser = [], [], [], []
+    points, eyes, angles, laser, lines, doubts = [], [], [], [], [], []
     for k, g in enumerate(grids):
         step, line = np.nonzero(g.found)
         points.append(g.points[step, line])
         angles.append(g.angles[step])
         laser.append(np.full(len(step), k))
+        lines.append(line + k * _APART)
+        thick = g.light_doubt
+        doubts.append(np.zeros((len(step), 3)) if thick is None else thick[step, line])
         seen = np.full((len(step), 3), np.nan) if g.eyes is None else g.eyes[step]
         eyes.append(seen)
     if not sum(map(len, points)):
         raise InputError("no points", hint="reconstruct the scan with a report, and look at it")
-    X, turn, of, eye = (np.concatenate(a) for a in (points, angles, laser, eyes))
+    X, turn, of, eye, doubt = (np.concatenate(a) for a in (points, angles, laser, eyes, doubts))
 
     def moves(index: Index) -> Floats:
         fields = list[Floats]()
@@ -70,10 +83,12 @@ def survey_of_grids(grids: Sequence[RangeGrid], rig: Rig) -> Survey:
                 continue
             at, by = X[index[mine]], turn[index[mine]]
             each = list(rig_moves(rig, g.laser, pixels_of(rig, at, by), by))
+            each.append(doubt[index[mine]])
             fields = fields or [np.zeros((len(index), 3)) for _ in each]
             for whole, part in zip(fields, each, strict=True):
                 whole[mine] = np.nan_to_num(part)
         return np.stack(fields) if fields else np.zeros((0, len(index), 3))
 
     known = bool(np.isfinite(eye).all())
-    return Survey(X, eye if known else None, None if rig.covariance is None else moves)
+    seen_in = np.concatenate(lines)
+    return Survey(X, eye if known else None, None if rig.covariance is None else moves, seen_in)
