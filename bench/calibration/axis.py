@@ -57,9 +57,7 @@ def _lines(true: Rig, rigs: list[Rig], way: Held) -> Iterator[Figure]:
         ("axis to the sheet, turned", "°", slice(5, 6), 1),
     ):
         size = np.linalg.norm(off[:, part], axis=1)
-        line = at_most(
-            f"{way.words}: {what}", float(size.max()), (0.02, 0.005, 0.02, 0.005)[k], unit, 4
-        )
+        line = at_most(f"{way.words}: {what}", float(size.max()), ASKED[k], unit, 4)
         words = (
             f"median {np.median(size):.4f}, largest {size.max():.4f} {unit} of {len(size)} draws"
         )

@@ -60,8 +60,8 @@ def test_the_default_is_near_the_bound_and_not_below(
 def test_where_the_pixels_lie_moves_no_centre(sigma: float, ceiling: float) -> None:
     """Stripes without noise at 500 places in a pixel, where rounding is 2e-5 of their height.
 
-    Light that a window ends in moves its centre with that place, alike in all pictures of what turns
-    on the axis. What is left is that of a picture whose pixels are as wide as the stripe.
+    Light that a window ends in moves its centre with that place, alike in all pictures of what
+    turns on the axis. What is left is that of pixels as wide as the stripe.
     """
     centre = 60 + np.linspace(-0.5, 0.5, 500, endpoint=False)
     lit = np.round(light(centre, sigma, 50_000.0, 121)).astype(np.uint16)
