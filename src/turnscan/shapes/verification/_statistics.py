@@ -14,7 +14,7 @@ _TAIL = 20
 """Points of a tail by which its steepness is judged, at least."""
 
 NEAR_LINES = 12
-"""Lines over which the same error may lie, less the farther they lie apart: a block of JPEG has 8."""
+"""Lines over which the same error may lie, less so the farther apart: JPEG has blocks of 8."""
 
 _FAR, _NODES = 9.0, 1801
 """Standard deviations beyond which nothing lies, and nodes of an integral up to there."""
