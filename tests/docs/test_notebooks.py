@@ -44,9 +44,10 @@ def test_ten_lines_lead_from_a_folder_of_pictures_to_a_dxf(
     assert len([line for line in ten.splitlines() if line.strip()]) <= 10
     said, kinds = _run(cells, "from-pictures", tmp_path)
     assert kinds > {"text/html", "image/png"}
-    sizes = [float(text) for text in re.findall(r"parallel lines ([\d.]+) ±", said)]
+    sizes = re.findall(r"parallel lines ([\d.]+) ±([\d.]+)", said)
     assert sizes
-    assert sizes == pytest.approx([40.0] * len(sizes), abs=0.2)
+    for mm, expanded in sizes:
+        assert abs(float(mm) - 40.0) <= float(expanded) < 0.35
     dxf = (tmp_path / "part.dxf").read_text()
     assert dxf.count("3DFACE") > 1000
     assert dxf.rstrip().endswith("EOF")

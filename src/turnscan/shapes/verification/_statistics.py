@@ -13,7 +13,7 @@ SHELL = 0.95
 _TAIL = 20
 """Points of a tail by which its steepness is judged, at least."""
 
-NEAR_LINES = 12
+NEAR_LINES = 8
 """Lines over which the same error may lie, less so the farther apart: JPEG has blocks of 8."""
 
 _FAR, _NODES = 9.0, 1801
@@ -96,7 +96,8 @@ def line_covariance(back: Floats, residual: Floats, lines: Longs) -> Floats:
     step and does not average out over them. So the moves of each line are added up with their signs
     over all profiles, and with those of lines up to `NEAR_LINES` away with a weight that falls off
     (J. C. Driscoll and A. C. Kraay, Consistent covariance matrix estimation with spatially
-    dependent panel data, 1998, with the lines for the periods of time).
+    dependent panel data, 1998, with the lines for the periods of time). The fit takes some of what
+    so many pieces of lines do into its parameters, and the residuals lack it.
     """
     seen, place = np.unique(lines, return_inverse=True)
     sums = [np.bincount(place, b * residual, len(seen)) for b in back]
@@ -107,7 +108,8 @@ def line_covariance(back: Floats, residual: Floats, lines: Longs) -> Floats:
         pairs = np.flatnonzero(seen[np.minimum(there, len(seen) - 1)] == seen + lag)
         both = moves[:, pairs] @ moves[:, there[pairs]].T
         total += (1.0 - lag / NEAR_LINES) * (both + both.T)
-    share: Floats = total * (len(seen) / max(len(seen) - len(back), 1))
+    pieces = len(seen) / NEAR_LINES
+    share: Floats = total * (pieces / max(pieces - len(back), 1.0))
     return share
 
 
