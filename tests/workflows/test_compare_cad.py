@@ -300,6 +300,18 @@ def test_a_profile_tells_a_wave_from_noise_and_fails_no_perfect_face(tmp_path: P
     assert lost.verdict == "undecided"
 
 
+def test_a_row_of_a_feature_that_the_part_lacks_is_an_error_before_anything_is_compared(
+    tmp_path: Path,
+) -> None:
+    flat = _box(0.0, 0.0, 0)
+    table = tmp_path / "t.csv"
+    table.write_text("*,profile,0.1\n1-99,distance,±0.1\n")
+    with pytest.raises(InputError, match=r"1-99,distance,±0.1: .* has features 1 to 4 →") as told:
+        compare(flat, flat, tolerance_table=table)
+    assert told.value.option is not None
+    assert told.value.option.name == "tolerance_table"
+
+
 # Tolerances
 
 

@@ -285,6 +285,7 @@ def compare(
     table = wanted.features or bool(rows) or wanted.align == "datums"
     if table:
         drawn = with_features(drawn)
+        _check_rows(drawn, rows)
     mesh = got.mesh if got.mesh.measured is None else submesh(got.mesh, got.mesh.measured)
     _check_area(mesh, got.name)
     _check_area(drawn.mesh, drawn.name)
@@ -352,6 +353,25 @@ def _check_datums(wanted: CompareOptions) -> None:
         )
 
 
+def _check_rows(drawn: Nominal, rows: Sequence[Tolerance]) -> None:
+    """Raise InputError where the reference lacks the features that a table speaks of."""
+    count = len(drawn.shapes)
+    if rows and not count:
+        raise InputError(
+            f"{drawn.name}: no planes, cylinders or spheres to hold tolerances against",
+            hint="give the part as STEP",
+            option=Option("tolerance_table"),
+        )
+    for row in rows:
+        if any(number > count for number in row.features):
+            who = "-".join(map(str, row.features))
+            raise InputError(
+                f"{who},{row.quantity},{row.text}: {drawn.name} has features 1 to {count}",
+                hint=Remedy("correct the row; they are listed by ", Option("features", True)),
+                option=Option("tolerance_table"),
+            )
+
+
 def _check_area(mesh: Mesh, name: str) -> None:
     if not mesh.area_of() > 0:
         raise InputError(
@@ -378,12 +398,6 @@ def _by_feature(
     plain: Comparison, drawn: Nominal, own: Ints, found: FoundShapes, rows: Sequence[Tolerance]
 ) -> Comparison:
     """The comparison with a table of the reference's features, and their sizes."""
-    if rows and not drawn.shapes:
-        raise InputError(
-            f"{drawn.name}: no planes, cylinders or spheres to hold tolerances against",
-            hint="give the part as STEP",
-            option=Option("tolerance_table"),
-        )
     label = labels_of(drawn, plain.every.face, plain.every.beyond)
     match = matched(drawn, label, found.found, own)
     checks = [
