@@ -284,8 +284,7 @@ def compare(
     drawn = nominal(reference, wanted.reference_unit, progress.subrange(0.5, 0.7))
     table = wanted.features or bool(rows) or wanted.align == "datums"
     if table:
-        drawn = with_features(drawn)
-        _check_rows(drawn, rows)
+        drawn = _answering(with_features(drawn), rows)
     mesh = got.mesh if got.mesh.measured is None else submesh(got.mesh, got.mesh.measured)
     _check_area(mesh, got.name)
     _check_area(drawn.mesh, drawn.name)
@@ -353,8 +352,8 @@ def _check_datums(wanted: CompareOptions) -> None:
         )
 
 
-def _check_rows(drawn: Nominal, rows: Sequence[Tolerance]) -> None:
-    """Raise InputError where the reference lacks the features that a table speaks of."""
+def _answering(drawn: Nominal, rows: Sequence[Tolerance]) -> Nominal:
+    """The reference itself; raises InputError where it lacks features that a table speaks of."""
     count = len(drawn.shapes)
     if rows and not count:
         raise InputError(
@@ -370,6 +369,7 @@ def _check_rows(drawn: Nominal, rows: Sequence[Tolerance]) -> None:
                 hint=Remedy("correct the row; they are listed by ", Option("features", True)),
                 option=Option("tolerance_table"),
             )
+    return drawn
 
 
 def _check_area(mesh: Mesh, name: str) -> None:
