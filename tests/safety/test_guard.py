@@ -9,6 +9,8 @@ import os
 import re
 import signal
 import struct
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -26,7 +28,14 @@ from tests.metronome import Metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware, until
 from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
-from turnscan.devices._guard import LONGEST_FRAME, LONGEST_LEASE, UNKNOWN, Frames, pack
+from turnscan.devices._guard import (
+    LONGEST_FRAME,
+    LONGEST_LEASE,
+    NICENESS,
+    UNKNOWN,
+    Frames,
+    pack,
+)
 from turnscan.devices._guard_client import Deadlines, GuardedLink
 from turnscan.devices._line_protocol import objection
 from turnscan.devices._registry import board
@@ -134,6 +143,24 @@ def test_a_scanner_that_does_not_step_in_leaves_it_lit(monkeypatch: pytest.Monke
         begin = time.monotonic()
         os.kill(device._link.guard_pid, signal.SIGKILL)
         assert wait_dark(socket, begin, 0.5) == math.inf
+
+
+def _granted() -> int:
+    """The niceness that this user's processes get when they ask for the guard's."""
+    code = "import contextlib, os\nwith contextlib.suppress(OSError):\n    os.setpriority(0, 0, "
+    code += f"{NICENESS})\nprint(os.getpriority(0, 0))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    return int(done.stdout)
+
+
+def test_a_guard_goes_before_other_work_where_it_may_and_its_scanner_does_not() -> None:
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with plugged("horus") as (device, _):
+        guard = device._link.guard_pid
+        tasks = [int(task.name) for task in Path(f"/proc/{guard}/task").iterdir()]
+        # A thread that is there before the guard has asked would stay behind.
+        assert {os.getpriority(os.PRIO_PROCESS, task) for task in tasks} == {_granted()}
+        assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
 def terminate(guard: int, thread: int) -> None:
