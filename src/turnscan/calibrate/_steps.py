@@ -15,6 +15,8 @@ from turnscan.findings import Finding
 
 _HARMONICS = 3
 _LEAST_ANGLES = 5
+_AT_ONCE = 500_000
+"""Phases that are computed in one array."""
 _OUTLIER = 6.0  # robust sigmas
 _MISREAD = 3.0  # steps: a table may lose or double one, a wrong marker is farther off
 _ROUNDS = 10
@@ -118,12 +120,13 @@ def _unwrapped(k: Floats, a: Floats, nominal: float | None) -> Floats:
     limit = np.pi / smallest
     span = float(np.ptp(k))
     if nominal is None:
-        tries = list(np.linspace(-limit, limit, int(8 * limit * span / np.pi) + 3))
+        tries = np.linspace(-limit, limit, int(8 * limit * span / np.pi) + 3)
     else:
         # A promised step tells turns apart that the pictures alone cannot.
         some = nominal * np.linspace(0.5, 1.5, 4001)
-        tries = [*some, *-some]
-    fit = np.array([abs(np.sum(phase * np.exp(-1j * t * k))) for t in tries])
+        tries = np.concatenate([some, -some])
+    pieces = np.array_split(tries, 1 + len(tries) * len(k) // _AT_ONCE)
+    fit = np.concatenate([np.abs(np.exp(-1j * np.outer(part, k)) @ phase) for part in pieces])
     step = float(tries[fit.argmax()])
     if fit.max() < 0.5 * len(a):
         raise Degenerate(
