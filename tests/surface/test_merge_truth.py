@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.surface.grids import turned
 from tests.surface.known_parts import PARTS, scan, scanned
 from turnscan.mesh import Mesh, Provenance, longest_sides
 from turnscan.shapes import deviation
@@ -80,6 +81,26 @@ def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:
     good = witnessed(replace(mesh, vertices=moved), surfaces, 1.0, 1.0).confirmed
     assert not good[::50].any()
     assert good[1::50].all()
+
+
+def test_half_way_over_an_edge_between_profiles_a_vertex_is_guessed() -> None:
+    """On a hexagonal column, its edges half a step beyond a profile: 1 mm from what was measured,
+    four tenths of a voxel."""
+    steps, reach = 60, 20.0
+    angles = (np.arange(steps) + 0.5) * 2 * np.pi / steps
+    side = reach * np.cos(np.pi / 6) / np.cos(angles % (np.pi / 3) - np.pi / 6)
+    grid = turned(angles, np.full(20, 1.0))
+    out = grid.points * [1.0, 1.0, 0.0]
+    grid = replace(grid, points=grid.points + out * (side - 1.0)[:, None, None])
+    (one,) = range_surfaces(grid)
+    after = one.neighbours[1]
+    half = np.where((after >= 0)[:, None], one.mesh.vertices + one.mesh.vertices[after], np.nan) / 2
+    assert not np.isnan(half).any()
+    told = witnessed(replace(one.mesh, vertices=half), [one], 2.5, 1.0)
+    over_edge = one.ranks % 10 == 9
+    assert told.guessed[over_edge].all()
+    assert not told.guessed[(one.ranks % 10 > 1) & (one.ranks % 10 < 7)].any(), "a flat side"
+    assert not witnessed(one.mesh, [one], 2.5, 1.0).guessed.any(), "each stands on its own point"
 
 
 def test_what_was_guessed_beside_a_measured_point_goes_onto_it() -> None:

@@ -17,14 +17,12 @@ _ROUNDED = 0.1
 """Voxels by which a merge rounds its vertices, and carries them on over a border."""
 _EDGES = 0.99
 """Of what confirms at most: so far an edge between two profiles may carry a surface off them."""
-_CLOSE = 0.5
-"""Voxels from a measured vertex within which a merged one stands on it …"""
-_CHORD = 1.5
-"""… usual sigma by which one that stands further away may lie off what was measured …"""
-_VAGUE = 3.0
-"""… and that it may have itself."""
 _ON = 0.3
-"""Voxels from every measured vertex beyond which a vertex that is known badly stands beside it."""
+"""Voxels from every measured vertex beyond which a merged one stands beside it, …"""
+_CHORD = 1.5
+"""… usual sigma by which it may lie off what was measured there, …"""
+_CLOSE, _VAGUE = 0.5, 3.0
+"""… and voxels further than which it may not have so many usual sigma itself."""
 _BESIDE = 2.0
 """Usual sigma that any may lie off every measured surface."""
 
@@ -50,10 +48,11 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     what is explained: what the surface may do between its profiles there, and a tenth of ``voxel``
     mm, which the merge itself rounds off. Sigma is no less than how far from the nearest such
     surface a vertex lies beyond what is explained, and takes in how far the merge put it beside
-    all of them. Guessed is a vertex that lies two usual sigma beside every surface; and, further
-    than half a voxel from all points that were measured, one that lies one and a half beside them,
-    what they may do between their profiles included, or that has a sigma of three. Loose is another
-    of such a sigma, of what noise makes, that stands beside its nearest measured point.
+    all of them. Guessed is a vertex that lies two usual sigma beside every surface; one that stands
+    beside all points that were measured and lies one and a half beside the surfaces, what they may
+    do between their profiles included; and, further than half a voxel from those points, one that
+    has a sigma of three. Loose is another of such a sigma, of what noise makes, that stands beside
+    its nearest measured point.
     """
     import igl
 
@@ -90,8 +89,9 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
         reach[asked] = np.minimum(reach[asked], closest)
     # The mean of several lies its sigma beside each of them.
     beside = np.sqrt(np.maximum(least**2 - own**2, 0.0))
-    vague = (doubt > _CHORD * usual) | (own > _VAGUE * usual)
-    guessed = vague & (reach > _CLOSE * voxel) | (least > _BESIDE * sure)
+    chord = doubt > _CHORD * usual
+    guessed = chord & (reach > _ON * voxel) | (least > _BESIDE * sure)
+    guessed |= (own > _VAGUE * usual) & (reach > _CLOSE * voxel)
     loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed
     return Witness(out, np.maximum(np.hypot(own, beside), away), guessed, loose)
 
