@@ -150,8 +150,8 @@ def raster(
     """Fill the ``cells`` with the radius of a mesh at every angle and height.
 
     Between its vertices a face bulges as the ``normals`` (v, 3) there say (`rise`); ``lines`` are
-    how high the lowest cells lie and how far others over each other, mm.
-    ``bends`` (v,) mm are what of ``vertices.between`` no edge makes.
+    how high the lowest cells lie and how far others over each other, mm; ``bends`` (v,) mm what of
+    ``vertices.between`` no edge makes.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
     from 0 to 1, the columns ascending. ``limits`` are the mm within which two radii are alike, and
     the turns within which a face that ends beside a column is met at its end. Which counts where a
@@ -173,10 +173,9 @@ def raster(
         if right - left > 0.25 or not _facing(points, a, b, c, normal):
             continue
         ab, bc = rise(points, normals, a, b), rise(points, normals, b, c)
-        ca = rise(points, normals, c, a)
+        bulges = ab, bc, rise(points, normals, c, a)
         low = max(0, int(np.ceil(min(za, zb, zc) - 1e-9)))
         high = min(n - 1, int(np.floor(max(za, zb, zc) + 1e-9)))
-        bulges = ab, bc, ca
         heights[0], heights[1], heights[2] = za, zb, zc
         whole = np.floor(left - room - 1e-9)
         k = np.searchsorted(columns, left - room - 1e-9 - whole)
