@@ -46,16 +46,14 @@ SYSTEM_PACKAGES := assimp-utils dime gdal-bin \
 # Chromium without windows takes a quarter of the processor time for a page. Debian has it.
 HEADLESS := chromium-headless-shell
 GIGE_HEADERS := pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null
-HAS_ALL := for p in $(PROGRAMS); do command -v $$p >/dev/null || exit 1; done; \
+HAS_ALL := for p in $(PROGRAMS); do command -v $$p || exit 1; done; \
 	command -v $(HEADLESS) || command -v chromium || command -v chromium-browser || exit 1; \
 	$(GIGE_HEADERS)
 system: ## install CAD readers, camera libraries and browser that the tests use (Debian, as root)
-	@export DEBIAN_FRONTEND=noninteractive; install="apt-get install -y -qq --no-install-recommends"; \
-	if ($(HAS_ALL)) >/dev/null; then command -v $(HEADLESS) >/dev/null || [ "$$(id -u)" != 0 ] \
-	     || { apt-get update -qq && $$install $(HEADLESS); } >/dev/null 2>&1 || :; \
-	elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then apt-get update -qq \
-	     && $$install $(SYSTEM_PACKAGES) $$(apt-cache pkgnames $(HEADLESS) | grep -x $(HEADLESS) \
-	          || echo chromium) >/dev/null; \
+	@if ($(HAS_ALL)) >/dev/null; then :; elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
+	then export DEBIAN_FRONTEND=noninteractive; apt-get update -qq \
+	     && apt-get install -y -qq --no-install-recommends $(SYSTEM_PACKAGES) \
+	          $$(apt-cache pkgnames $(HEADLESS) | grep -x $(HEADLESS) || echo chromium) >/dev/null; \
 	else echo "not root or not Debian: tests may need chromium and some of $(SYSTEM_PACKAGES)"; fi
 
 drivers: setup system ## install the camera drivers, and the STEP library, that this machine can have

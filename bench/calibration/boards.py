@@ -62,7 +62,9 @@ def figures(quick: bool) -> Iterator[Figure]:
     """The paper's rig, and but for ``quick`` the webcam's and the modern one."""
     for name in ("paper",) if quick else ("paper", "ciclop"):
         yield from _told(name, [found(name, seed) for seed in SEEDS[: 2 if quick else None]])
-    for f, limit in zip([] if quick else found("modern", 1), ASKED, strict=True):
+    if quick:
+        return
+    for f, limit in zip(found("modern", 1), ASKED, strict=True):
         line = at_most(f"modern: {f.what}", f.error, limit, f.unit, 4)
         told = f"{line.reached} (U = {f.expanded:.3g} {f.unit})"
         yield Figure(line.name, line.asked, told, line.met)
