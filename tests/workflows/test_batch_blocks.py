@@ -141,7 +141,7 @@ def test_a_cluster_takes_a_huge_scan_in_blocks(
     monkeypatch.setattr(_batch_workers, "look_at_block", noted)
     monkeypatch.setattr(_batch_task, "_BLOCK", can.stat().st_size // 3 + 1)
     with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None,
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0",
         host="127.0.0.1", protocol="tcp",
     ) as cluster:  # fmt: skip
         done = workflows.batch(
