@@ -22,7 +22,7 @@ from turnscan.stripes._list import (
     START,
     WIDTH,
 )
-from turnscan.stripes._measure import FLANK, mean_light
+from turnscan.stripes._measure import BESIDE, FLANK, mean_light
 from turnscan.stripes._scan import Terms
 
 PEDESTAL_LIMIT = 0.1
@@ -36,7 +36,7 @@ HALO_LIMIT = 0.02
 under a window of five widths such a pedestal holds 4 % of the light, and all on one side it would
 move the centre by a fiftieth of a width (`HALO_BIAS`)."""
 TAIL = 3
-"""Pixels of a tail, beginning 2 px off the window, and of the next piece of it."""
+"""px of a tail, beginning beside the window's end, and of the next piece of it."""
 TAIL_POWER, TAIL_FALL, TAIL_RISE = 1.73, 0.15, 2.0
 """A tail of D amplitudes more on one side than on the other, of which a share r is left in its next
 piece, moves the centre by D r^-1.73 widths: a law that holds within a third for exponential halos
@@ -86,16 +86,16 @@ def tails(some: Floats, n: int, pool: Longs, stops: Longs) -> None:
     start = 0
     for i in range(n):
         last = stops[i] - start - 2
-        a = int(some[i, CENTRE] - some[i, REACH] + 0.5) - 1
-        b = int(some[i, CENTRE] + some[i, REACH] + 0.5) + 2
+        left = some[i, CENTRE] - some[i, REACH] - BESIDE
+        right = some[i, CENTRE] + some[i, REACH] + BESIDE
         some[i, NEAR] = some[i, FAR] = math.nan
-        if a - 2 * TAIL >= 0 and b + 2 * TAIL <= last + 1:
-            some[i, NEAR] = mean_light(pool, start, last, b, b + TAIL) - mean_light(
-                pool, start, last, a - TAIL, a
+        if left - 2 * TAIL >= -0.5 and right + 2 * TAIL <= last + 0.5:
+            some[i, NEAR] = mean_light(pool, start, last, right, right + TAIL) - mean_light(
+                pool, start, last, left - TAIL, left
             )
-            some[i, FAR] = mean_light(pool, start, last, b + TAIL, b + 2 * TAIL) - mean_light(
-                pool, start, last, a - 2 * TAIL, a - TAIL
-            )
+            some[i, FAR] = mean_light(
+                pool, start, last, right + TAIL, right + 2 * TAIL
+            ) - mean_light(pool, start, last, left - 2 * TAIL, left - TAIL)
         start = stops[i]
 
 

@@ -27,6 +27,7 @@ from turnscan.stripes._list import (
     GAIN,
     HALF,
     HEIGHT,
+    INSIDE,
     MIDDLE,
     PEDESTAL,
     PLACE,
@@ -42,13 +43,11 @@ from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, va
 from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, Terms, first_pass, usual_peak
 from turnscan.stripes._strategies import (
     BLAIS_RIOUX,
-    CENTROID,
-    MEDIAN,
     NOISE_FACTOR,
-    PHASE_ERROR,
     WINDOW,
     by_strategy,
     fill,
+    phase_error,
 )
 
 SATURATED, HALO, EDGE = 8, 16, 32
@@ -114,7 +113,7 @@ def measure_round(
     for i in range(n):
         last = stops[i] - start - 2
         if last < 1:
-            some[i, SECOND] = some[i, HALF] ** 2
+            some[i, SECOND] = some[i, INSIDE] = some[i, HALF] ** 2
             some[i, GAIN] = 1.0
         else:
             c, h, flux, second, pedestal, gain = centre_window(
@@ -123,6 +122,7 @@ def measure_round(
             some[i, CENTRE] = c
             some[i, FLUX] = flux
             some[i, SECOND] = variance_of(second, h) if flux > 0.0 else some[i, HALF] ** 2
+            some[i, INSIDE] = second
             some[i, PEDESTAL] = pedestal - terms.base
             some[i, GAIN] = gain
             some[i, REACH] = h
@@ -139,9 +139,7 @@ def uncertainty(some: Floats, i: int, terms: Terms, floor: float) -> float:
     squares = 2.0 / 3.0 * h * h * h
     pedestal = max(some[i, PEDESTAL], 0.0)
     spread = terms.variance * squares
-    spread += terms.per_level * (
-        flux * min(some[i, SECOND], h * h / 3.0) + (pedestal + floor) * squares
-    )
+    spread += terms.per_level * (flux * some[i, INSIDE] + (pedestal + floor) * squares)
     return spread * some[i, GAIN] ** 2 / (flux * flux)
 
 
@@ -198,12 +196,8 @@ def write_down(
             # A line between glowing ones is measured as they are, lest the surface be stepped.
             strategy = BLAIS_RIOUX
         moved = shift[0, v] * some[i, WIDTH]
-        factor, phase = NOISE_FACTOR[strategy], PHASE_ERROR[strategy]
-        if strategy in (CENTROID, MEDIAN):
-            # Their phase error comes from what the threshold cuts off.
-            phase = PHASE_ERROR[WINDOW] + phase * min(
-                1.0, terms.level / (0.2 * max(amplitude, 1.0))
-            )
+        factor = NOISE_FACTOR[strategy]
+        phase = phase_error(strategy, some[i, WIDTH], terms.level / max(amplitude, 1.0))
         if strategy != WINDOW:
             fill(light, lit, dark, v, w, terms.base, left, right + 1)
             position = by_strategy(

@@ -15,7 +15,10 @@ WINDOW, MAXIMUM, CENTROID, MEDIAN, PARABOLA, GAUSS3, SQUARED, BLAIS_RIOUX = rang
 # How much noisier than the window each strategy is, and its error from the phase of the pixels
 # (px), so that the claimed sigma stays honest (docs/explain/stripes.md has the measured figures).
 NOISE_FACTOR = (1.0, 4.0, 1.25, 1.45, 3.5, 3.5, 1.4, 1.4)
-PHASE_ERROR = (0.005, 0.29, 0.055, 0.04, 0.08, 0.06, 0.02, 0.012)
+PHASE_ERROR = (0.001, 0.29, 0.055, 0.04, 0.08, 0.06, 0.02, 0.012)
+NARROW_PHASE, NARROW_MEDIAN, NARROW = 0.004, 0.03, 0.75
+"""px by which the phase moves window and median on stripes of this width (rms px) or less; it falls
+with the fourth power of the width."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -104,6 +107,20 @@ def blais_rioux(light: Floats, seed: float, half: float, left: int, right: int) 
                 distance = abs(crossing - seed)
         before = f
     return best
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def phase_error(strategy: int, width: float, cut: float) -> float:
+    """Error of a strategy from the phase of the pixels, px, on a stripe of this width, rms px.
+
+    ``cut`` is the threshold as a share of the stripe's height: what it cuts off moves those that
+    look at a run above it.
+    """
+    phase = PHASE_ERROR[strategy]
+    if strategy in (CENTROID, MEDIAN):
+        phase = PHASE_ERROR[WINDOW] + phase * min(1.0, cut / 0.2)
+    narrow = NARROW_MEDIAN if strategy == MEDIAN else NARROW_PHASE
+    return max(phase, narrow * min(1.0, (NARROW / width) ** 4))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
