@@ -126,6 +126,37 @@ def test_outliers_go_and_what_is_beside_them_stays(size: float) -> None:
     assert despike(blind)[0] is blind
 
 
+def turned(steps: int, noise: float) -> RangeGrid:
+    """A can of radius 25 mm and 40 mm height, seen from 300 mm in a full turn of so many steps."""
+    angles = np.arange(steps) * 2 * np.pi / steps
+    way = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    z = np.arange(80) * 0.5
+    points = 25.0 * way[:, None] + z[:, None] * np.array([0.0, 0.0, 1.0])
+    shape = points.shape[:2]
+    grid = RangeGrid(
+        "L0", np.arange(steps), angles, points, np.full(shape, noise), np.ones(shape),
+        np.zeros(shape, np.uint16), True, 300.0 * way + np.array([0.0, 0.0, 60.0]),
+    )  # fmt: skip
+    off = np.random.default_rng(steps).normal(0, noise, shape)
+    return replace(grid, points=points + off[..., None] * rays(grid))
+
+
+@pytest.mark.parametrize("steps", [12, 24, 40, 60])
+@pytest.mark.parametrize("noise", [0.003, 0.02])
+def test_what_a_surface_bends_by_between_coarse_steps_is_no_spike(steps: int, noise: float) -> None:
+    grid = turned(steps, noise)
+    left, _ = despike(grid, 5.0)
+    assert left.found.mean() > 0.998
+    wrong = np.zeros(grid.flags.shape, dtype=bool)
+    wrong[2::5, 4::8] = True
+    points = grid.points + (2.0 * wrong)[..., None] * rays(grid)
+    left, _ = despike(replace(grid, points=points), 5.0)
+    assert left.found[~wrong].mean() > 0.998
+    # Where steps bend a surface by a hundred sigma and more, it does not tell a spike.
+    if noise * steps**2 > 10:
+        assert (~left.found[wrong]).mean() > 0.85
+
+
 def test_spikes_of_a_mesh_go_edges_and_corners_stay() -> None:
     mesh = cube()
     rng = np.random.default_rng(3)

@@ -411,11 +411,11 @@ def test_a_profile_that_is_switched_off_is_gone_everywhere(server: Running) -> N
         scan = one.hello["scans"][0]["scan"]
         state = one.open(scan)
         laser = state["grids"][0]["laser"]
-        off = {"kind": "profile_off", "laser": laser, "steps": [3, 4]}
+        off = {"kind": "profile_off", "laser": laser, "steps": [3, 5]}
         shown = one.ask("edit", scan=scan, base_revision=0, edit=off, preview=True)
         assert shown["figures"]["faces"] < state["figures"]["faces"]
         _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
-        assert {3, 4} <= set(grid["steps"].tolist())  # a preview changes nothing
+        assert {3, 4, 5} <= set(grid["steps"].tolist())  # a preview changes nothing
         assert one.ask("edit", scan=scan, base_revision=0, edit=off)["kind"] == "done"
         patch = one.once("patch")
         assert patch["parts"] == [{"kind": "replace"}]
@@ -423,12 +423,12 @@ def test_a_profile_that_is_switched_off_is_gone_everywhere(server: Running) -> N
         assert patch["figures"]["faces"] == shown["figures"]["faces"]
         one.once("grid")
         _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
-        assert not {3, 4} & set(grid["steps"].tolist())
+        assert not {3, 4, 5} & set(grid["steps"].tolist())
         found = one.ask("list_holes", scan=scan)["holes"]
         assert "deleted" in {hole["cause"] for hole in found}
         assert one.ask("undo", scan=scan)["kind"] == "done"
         _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
-        assert {3, 4} <= set(grid["steps"].tolist())
+        assert {3, 4, 5} <= set(grid["steps"].tolist())
         head, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
         assert head["epoch"] == state["epoch"] + 2
         assert mesh["alive"].sum() == state["figures"]["faces"]

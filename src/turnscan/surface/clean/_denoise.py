@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
 from turnscan.surface._noise import noise
+
+if TYPE_CHECKING:
+    from turnscan.surface.clean._denoise_kernels import Measured
 
 _REACH = 1.5
 """Steps and lines over which neighbours count, as the rms of a Gaussian."""
@@ -50,13 +54,19 @@ def outliers(grid: RangeGrid, beyond: float) -> Bools:
     """(s, n) True for the points that lie off the surface which their neighbours make without them.
 
     Off means along their rays, by more than ``beyond`` combined sigma; sigma is the larger of the
-    noise model's and what those neighbours scatter by. Raises InputError where the camera's place
-    is not known.
+    noise model's and what those neighbours scatter by. They are as far off the curve of their own
+    profile, too: between coarse steps a surface bends by more than noise, and all points lie off
+    what the profiles beside them make. Raises InputError where the camera's place is not known.
     """
+    from turnscan.surface.clean import _denoise_kernels as kernels
+
     off, rest = _offsets(grid, 2 * _SCALE, no_progress, alone=True)
-    spread = noise(grid) * np.maximum(rest, 1.0)
+    beyond *= np.sqrt(1.0 + _OWN)
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(off) > beyond * np.sqrt(1.0 + _OWN) * spread)
+        doubtful = np.abs(off) > beyond * noise(grid) * np.maximum(rest, 1.0)
+    from_profile = np.zeros(off.shape)
+    kernels.off_profile(_measured(grid), doubtful, from_profile)
+    return np.asarray(np.abs(from_profile) > beyond)
 
 
 def _offsets(
@@ -65,11 +75,8 @@ def _offsets(
     """(s, n) each: how far off the surface about it a point lies, mm, and the residual there."""
     from turnscan.surface.clean import _denoise_kernels as kernels
 
-    side = np.zeros(grid.flags.shape, dtype=np.bool_) if grid.behind is None else grid.behind
-    closed = grid.closed and len(grid.steps) > 4 * _REACH
-    eyes, spread, size = _eyes(grid), noise(grid), len(grid.steps)
-    off, rest = np.full(side.shape, np.nan), np.full(side.shape, np.nan)
-    measured = kernels.Measured(grid.points, side, eyes, spread)
+    measured, closed, size = _measured(grid), _closed(grid), len(grid.steps)
+    off, rest = np.full(grid.flags.shape, np.nan), np.full(grid.flags.shape, np.nan)
     for first in range(0, size, _AT_A_TIME):
         progress(first / size)
         kernels.offsets(
@@ -83,6 +90,17 @@ def _offsets(
             rest,
         )
     return off, rest
+
+
+def _measured(grid: RangeGrid) -> Measured:
+    from turnscan.surface.clean import _denoise_kernels as kernels
+
+    side = np.zeros(grid.flags.shape, dtype=np.bool_) if grid.behind is None else grid.behind
+    return kernels.Measured(grid.points, side, _eyes(grid), noise(grid))
+
+
+def _closed(grid: RangeGrid) -> bool:
+    return bool(grid.closed and len(grid.steps) > 4 * _REACH)
 
 
 def _eyes(grid: RangeGrid) -> Floats:

@@ -18,6 +18,10 @@ _ROUNDS = 3
 """Times that the weights follow the fit."""
 _HALVES = 8
 """Half windows: the four sides and the four corners."""
+_LINES = 6
+"""Lines to each side in which a profile is a parabola."""
+_OF_NORMAL = 1.4826
+"""Standard deviation of a normal distribution over the median size of its values."""
 
 
 class Measured(NamedTuple):
@@ -251,3 +255,48 @@ def offsets(
             ):
                 out[k, j] = x[0]
                 rest[k, j] = np.sqrt(_spread(near, have, weight, x, _TERMS))
+
+
+@njit(cache=True, nogil=True)
+def off_profile(grid: Measured, asked: Bools, out: Floats) -> None:
+    """For each point ``asked`` (s, n) how far along its ray the curve of its own profile lies, in
+    what its neighbours scatter about that.
+
+    The curve is a parabola through the lines about the point, without it; residuals beyond two
+    usual ones count for less. Lines lie close, however far apart the steps are. Written to ``out``
+    (s, n) where there are neighbours enough.
+    """
+    points, side, eyes, noise = grid
+    _, n, _ = points.shape
+    near, size = np.zeros((2 * _LINES, 7)), np.empty(2 * _LINES)
+    base, weight = np.empty(2 * _LINES), np.empty(2 * _LINES)
+    A, x = np.empty((3, 3)), np.empty(3)
+    for k in range(len(eyes)):
+        for j in range(n):
+            if not asked[k, j]:
+                continue
+            ray = eyes[k] - points[k, j]
+            ray /= np.sqrt((ray**2).sum())
+            have = 0
+            for b in range(max(j - _LINES, 0), min(j + _LINES + 1, n)):
+                if b == j or np.isnan(points[k, b, 0]) or side[k, b] != side[k, j]:
+                    continue
+                t = (b - j) / _LINES
+                near[have, 0], near[have, 1] = t, t * t
+                near[have, 2] = ((points[k, b] - points[k, j]) * ray).sum()
+                near[have, 4] = max(noise[k, b], 1e-9)
+                weight[have] = base[have] = 1.0 / near[have, 4] ** 2
+                have += 1
+            scatter = np.inf
+            for _ in range(_ROUNDS if have >= _LINES else 0):
+                if not _fit(near, have, weight, 3, 1.0, A, x):
+                    scatter = np.inf
+                    break
+                for p in range(have):
+                    off = near[p, 2] - _height(x, 3, near[p, 0], near[p, 1])
+                    size[p] = abs(off) / near[p, 4]
+                scatter = max(_OF_NORMAL * np.median(size[:have]), 1.0)
+                for p in range(have):
+                    weight[p] = base[p] * np.exp(-((size[p] / (2.0 * scatter)) ** 2))
+            if scatter < np.inf:
+                out[k, j] = x[0] / (scatter * max(noise[k, j], 1e-9))
