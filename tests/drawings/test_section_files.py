@@ -17,6 +17,7 @@ from ezdxf.document import Drawing
 
 from tests.needs import needs
 from tests.shapes.outlines import along, regular, rounded_polygon, wall
+from tests.shapes.solids import turned
 from turnscan.drawings import (
     draw_section,
     section_report,
@@ -26,7 +27,7 @@ from turnscan.drawings import (
     write_section_pdf,
     write_section_svg,
 )
-from turnscan.shapes import Arc, FittedSection, fit_section, plane_cut
+from turnscan.shapes import Arc, FittedSection, fit_section, half_plane_cut, plane_cut
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -189,6 +190,35 @@ def test_a_text_that_is_wider_than_its_dimension_stands_clear_of_the_extension_l
     below = [line for line in upright if box.x0 < line[0, 0] < box.x1]
     assert len(below) >= 2
     assert all(line[:, 1].min() >= box.y1 for line in below)
+
+
+def test_a_half_plane_shows_the_axis_from_which_it_goes() -> None:
+    ring = turned([(12, 0), (20, 0), (20, 30), (12, 30), (12, 0)], 1.0, 60)
+    half = fit_section(ring, half_plane_cut(0.0))
+    whole = fit_section(ring, plane_cut([0, 1, 0], 0.0))
+    assert half.box[0, 0] == pytest.approx(12, abs=0.05)
+    document = _dxf(write_section_dxf([whole, half], "R2010", {}))
+    rings = document.modelspace().query('LWPOLYLINE[layer=="TURNSCAN_SECTION_MEASURED_MM"]')
+    right = max(p[0] for e in rings for p in e)
+    left = max(p[0] for e in rings for p in e if p[0] < right - 10)
+    lines = document.modelspace().query('LINE[layer=="TURNSCAN_SECTION_DIMENSIONS_MM"]')
+    ends = [np.array([(e.dxf.start.x, e.dxf.start.y), (e.dxf.end.x, e.dxf.end.y)]) for e in lines]
+    axis = [e[:, 1] for e in ends if np.allclose(e[:, 0], right - 20, atol=0.05)]
+    assert min(map(np.min, axis)) < -0.5
+    assert max(map(np.max, axis)) > 30.5
+    assert right - 20 > left, "the axis stands beside the other section, not in it"
+    assert not [e for e in ends if np.allclose(e[:, 0], left - 20)], "a plane has no axis"
+    root = ET.fromstring(write_section_svg([half], "ring", {}).decode())
+    paths = [p.get("d", "") for p in root.iter(f"{SVG}path") if p.get("class") == "dimensions"]
+    strokes = [np.array(re.findall(r"-?\d+\.\d+", d), float).reshape(-1, 2) for d in paths]
+    dashes = [s for s in strokes if len(s) == 2 and s[0, 0] == s[1, 0]]
+    places = {x: sum(s[0, 0] == x for s in dashes) for x in {float(s[0, 0]) for s in dashes}}
+    x, many = max(places.items(), key=lambda o: o[1])
+    assert many > 8
+    assert 10 < x < 287
+    fitted = [p.get("d", "") for p in root.iter(f"{SVG}path") if p.get("class") == "fitted"]
+    walls = [float(n) for d in fitted for n in re.findall(r"M(-?[\d.]+),", d)]
+    assert (min(walls) - x) / (max(walls) - x) == pytest.approx(12 / 20, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
-from turnscan.shapes import Arc, Line, fit_outlines
+from turnscan.shapes import Arc, FittedSection, Line, fit_outlines
 from turnscan.shapes.revolved import (
     axis_counted,
     cylindricities,
@@ -240,3 +240,21 @@ def test_what_moves_all_points_outward_counts_in_the_diameter() -> None:
     (wall,) = (p for o in fit_outlines(chains)[0] for p in axis_counted(o, unsure).pieces)
     assert isinstance(wall, Line)
     assert wall.sigma == pytest.approx(np.hypot(0.01, 0.02), rel=0.05)
+
+
+@pytest.mark.parametrize("around", [40, 80])
+def test_a_wall_in_coarse_steps_ends_where_it_was_measured(around: int) -> None:
+    """The last millimetres bend inward, as a rim does: less than a step of the mesh about the axis,
+    several along the wall."""
+    turn = np.deg2rad(np.linspace(0, 75, 12))
+    rim = np.column_stack([35 - 2 * (1 - np.cos(turn)), 58 + 2 * np.sin(turn)])
+    mesh = noisy(turned([(25.0, 0.0), *map(tuple, rim)], 0.35, around), 0.02, around)
+    about = turned_about(mesh)
+    assert about.spacing > (1.5 if around == 40 else 0.9)
+    cut, chains = wall_profile(about)
+    (outline,) = fit_outlines(chains)[0]
+    section = FittedSection(cut, chains, ((axis_counted(outline, about),),))
+    height = float(np.ptp(section.box[:, 1]))
+    known = float(section.size_sigma[1])
+    assert abs(height - rim[-1, 1]) < 2 * known
+    assert 0.1 < known < 0.4

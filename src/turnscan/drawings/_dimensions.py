@@ -136,9 +136,10 @@ def dimensions(section: FittedSection, height: float) -> Marks:
         _round(marks, only)
         return marks
     across = np.stack([low, low + [width, 0]])
+    if section.cut.half:
+        _centre_line(marks, box)
     if section.cut.turned:
         wide = "⌀" + with_sigma(2 * width, 2 * sigma[0])
-        _centre_line(marks, box)
         _between(marks, across, np.array([0.0, -gap]), wide, _mirrored(across[1]))
     else:
         _between(marks, across, np.array([0.0, -gap]), with_sigma(width, sigma[0]))
@@ -281,7 +282,7 @@ def _round_dimension(
 
 
 def _centre_line(marks: Marks, box: Floats) -> None:
-    """The axis of a turned part, dash and dot, a little longer than the part."""
+    """The axis from which a half-plane goes, dash and dot, a little longer than the part."""
     h = marks.height
     y, end = float(box[0, 1]) - 1.5 * h, float(box[1, 1]) + 1.5 * h
     long = True

@@ -47,8 +47,9 @@ def placements(sections: Sequence[FittedSection]) -> list[Floats]:
     gap = 20 * letters(sections)
     at, x = [], 0.0
     for s in sections:
-        at.append(np.array([x - s.box[0, 0], 0.0]))
-        x += float(s.box[1, 0] - s.box[0, 0]) + gap
+        low, high = s.extent[:, 0]
+        at.append(np.array([x - low, 0.0]))
+        x += float(high - low) + gap
     return at
 
 
@@ -71,7 +72,7 @@ def write_section_dxf(
     height = letters(sections)
     places = placements(sections)
     margin = 6 * height
-    corners = [s.box + at for s, at in zip(sections, places, strict=True)]
+    corners = [s.extent + at for s, at in zip(sections, places, strict=True)]
     low = np.min([c[0] for c in corners], axis=0) - margin
     high = np.max([c[1] for c in corners], axis=0) + margin
     bounds = np.column_stack([np.stack([low, high]), np.zeros(2)])
@@ -88,7 +89,7 @@ def write_section_dxf(
             for piece in outline.pieces:
                 body.piece(piece, outline.tolerance)
         body.marks(marks_of(section, height))
-        left = section.box[0] - np.array([0.0, 7.5 * height])
+        left = section.extent[0] - np.array([0.0, 7.5 * height])
         body.text(section.cut.name, left, height * 1.2)
     return text_of(document, notes).encode("utf-8" if version != "R12" else "cp1252", "replace")
 

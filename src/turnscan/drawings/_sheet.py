@@ -99,7 +99,7 @@ def sheets(sections: Sequence[FittedSection], title: str) -> list[Sheet]:
 
 
 def _sheet(section: FittedSection, title: str, number: str) -> Sheet:
-    box = section.box
+    box = section.extent
     room = np.array([WIDTH - 2 * _MARGIN, HEIGHT - 2 * _MARGIN - _FOOT]) - 2 * _ROOM
     size = np.maximum(box[1] - box[0], 1e-9)
     scale = next((s for s in _SCALES if (size * s <= room).all()), float((room / size).min()))

@@ -17,6 +17,8 @@ _PARALLEL = np.deg2rad(0.2)
 _SIGMAS = 3.0
 _MOST_OFF = np.deg2rad(3.0)
 """However uncertain they are."""
+_LAST = 5
+"""Ways at an open end whose median is the step there."""
 
 
 def sizes_of(
@@ -100,20 +102,22 @@ def box_of(
 def _unseen(s: Settled, pieces: list[Piece], u: Floats, reach: float) -> float:
     """mm along ``u`` that are not known where an open outline reaches furthest with its end.
 
-    The part ends somewhere before the next point would have been: rms of even odds over one step.
+    The part ends somewhere before the next point would have been: rms of even odds over one step,
+    as steps are there.
     """
     if s.closed:
         return 0.0
-    step = float(np.median(s.chain.steps))
+    steps = s.chain.steps
     out = [0.0]
-    for end, way in (
-        (pieces[0].start, s.chain.points[2::-1]),
-        (pieces[-1].end, s.chain.points[-3:]),
+    for end, way, last in (
+        (pieces[0].start, s.chain.points[2::-1], steps[:_LAST]),
+        (pieces[-1].end, s.chain.points[-3:], steps[-_LAST:]),
     ):
+        step = float(np.median(last))
         if reach - float(end @ u) <= step:
             along = way[-1] - way[0]
-            out.append(abs(float(along @ u)) / max(float(np.linalg.norm(along)), 1e-300))
-    return max(out) * step / float(np.sqrt(3.0))
+            out.append(step * abs(float(along @ u)) / max(float(np.linalg.norm(along)), 1e-300))
+    return max(out) / float(np.sqrt(3.0))
 
 
 def _chords(

@@ -56,6 +56,12 @@ class FittedSection:
         return np.stack([low * [0.0, 1.0] if self.cut.turned else low, high])
 
     @property
+    def extent(self) -> Floats:
+        """(2, 2) mm: ``box``, with the axis x = 0 from which a half-plane goes."""
+        low, high = self.box
+        return np.stack([np.minimum(low, [0.0, np.inf]) if self.cut.half else low, high])
+
+    @property
     def size_sigma(self) -> Floats:
         """(2,) mm: standard uncertainty of width and height of ``box``; NaN where not known."""
         if not self.fitted:

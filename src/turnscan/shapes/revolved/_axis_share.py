@@ -19,6 +19,8 @@ _LEAST = 3
 """Points beside a piece that say how it moves."""
 _SIGMAS = 3.0
 """Points further beyond the end of a profile are no noise: the part goes on there."""
+_BESIDE = 1.5
+"""Steps of the mesh beside an open end, where an edge may bend stripes."""
 
 
 def axis_counted(outline: Outline, turned: Turned) -> Outline:
@@ -39,7 +41,22 @@ def axis_counted(outline: Outline, turned: Turned) -> Outline:
             if int(some.sum()) >= _LEAST:
                 moves = _moves(turned, some, np.eye(2)[axis]).mean(axis=0)
                 box[k, axis] = np.hypot(box[k, axis], _sigma(turned, moves))
+    box[1, 0] = np.hypot(box[1, 0], 0.0 if outline.closed else _bent(outline, turned))
     return replace(outline, pieces=pieces, box_sigma=box)
+
+
+def _bent(outline: Outline, turned: Turned) -> float:
+    """mm that the wall would reach further from the axis, did it end as straight as it comes there:
+    what bends inward within a step of the mesh is the part's rim, or a stripe that an edge bends.
+    """
+    way = outline.sampled(turned.spacing / 4)
+    wide, out = _BESIDE * turned.spacing, 0.0
+    for line in (way, way[::-1]):
+        back = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+        near, far = np.interp([wide, 2 * wide], back, line[:, 0])
+        if back[-1] > 2 * wide:
+            out = max(out, float(2 * near - far) - float(outline.box[1, 0]))
+    return out
 
 
 def _beyond(of: Floats, end: float, sign: float) -> float:

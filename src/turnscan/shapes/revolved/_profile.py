@@ -37,6 +37,8 @@ _GAP, _CLOSE = 4.0, 0.75
 """Steps of the mesh: a longer way between points was not measured, shorter ones are one place."""
 _SHORT = 0.03
 """Of the longest chain: shorter ones are left out."""
+_ALONG = 0.75
+"""Of the length of an edge of the mesh: one that is so long along the wall goes along it."""
 
 
 def wall_profile(turned: Turned) -> tuple[Cut, tuple[Chain, ...]]:
@@ -88,15 +90,15 @@ def _averaged(turned: Turned, chain: Chain, on: np.ndarray, tree: cKDTree) -> Ch
     """
     p = chain.points
     out = _normals(chain)
-    window = _WINDOW * turned.spacing
-    near = tree.query_ball_point(p, window + 6 * turned.sigma)
+    pitch = _pitches(turned, chain)
+    near = tree.query_ball_point(p, _WINDOW * pitch + 6 * turned.sigma)
     points, sigma = p.copy(), np.full(len(p), np.nan)
     for k, found in enumerate(near):
-        mean = _mean_at(turned, on[found], p[k], out[k], window)
+        mean = _mean_at(turned, on[found], p[k], out[k], _WINDOW * float(pitch[k]))
         if mean is not None:
             points[k] = p[k] + mean[0] * out[k]
             sigma[k] = mean[1]
-    index = _kept(points, np.isfinite(sigma), turned.spacing)
+    index = _kept(points, np.isfinite(sigma), pitch)
     if len(index) < _LEAST:
         return None
     closed = chain.closed
@@ -201,10 +203,39 @@ def _fitted(along: Floats, off: Floats) -> tuple[Floats, Floats]:
     return np.asarray(line), np.asarray(straight)
 
 
-def _kept(points: Floats, known: Bools, spacing: float) -> np.ndarray:
-    """Points of which there is a mean, none much closer to the last than the mesh is wide."""
+def _kept(points: Floats, known: Bools, pitch: Floats) -> np.ndarray:
+    """Points of which there is a mean, none much closer to the last than they stand there."""
     out = list[int]()
     for k in np.flatnonzero(known).tolist():
-        if not out or float(np.linalg.norm(points[k] - points[out[-1]])) >= _CLOSE * spacing:
+        if not out or float(np.linalg.norm(points[k] - points[out[-1]])) >= _CLOSE * pitch[k]:
             out.append(k)
     return np.array(out, dtype=np.int64)
+
+
+def _pitches(turned: Turned, chain: Chain) -> Floats:
+    """(m,) mm between places of the profile: the step of the mesh.
+
+    A mesh of few profiles has coarser steps about the axis than along the wall. Where an open chain
+    ends at the foot or at the top of the part, places stand as close as points do along the wall:
+    else it would end a whole step too early.
+    """
+    pitch = np.full(len(chain.points), turned.spacing)
+    if chain.closed:
+        return pitch
+    at = np.r_[0.0, np.cumsum(chain.steps)]
+    wide, z = _WINDOW * turned.spacing, turned.z[turned.on]
+    last = np.minimum(at, at[-1] - at) < wide
+    height = chain.points[:, 1]
+    last &= (height < z.min() + wide) | (height > z.max() - wide)
+    pitch[last] = _step_along(turned)
+    return pitch
+
+
+def _step_along(turned: Turned) -> float:
+    """mm between neighbours along the wall; no more than between any."""
+    faces = turned.mesh.faces
+    a, b = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
+    along = np.hypot(turned.r[a] - turned.r[b], turned.z[a] - turned.z[b])
+    whole = np.linalg.norm(turned.mesh.vertices[a] - turned.mesh.vertices[b], axis=1)
+    some = along > np.maximum(_ALONG * whole, 1e-12)
+    return min(float(np.median(along[some])), turned.spacing) if some.any() else turned.spacing
