@@ -83,6 +83,27 @@ def test_what_a_hole_covers_is_said_to_be_unknown() -> None:
         assert ("holes cover is not known" in step.findings[0].message) is unknown
 
 
+@pytest.mark.parametrize("deep", [0.0, 0.4])
+def test_a_filling_in_a_pocket_that_the_solid_lacks_is_in_its_uncertainty(deep: float) -> None:
+    """Of a pocket its sides alone were measured: six planes close over it. On a face that goes on
+    about a filling nothing is doubted."""
+    needs("OpenCASCADE")
+    whole = closed_box()
+    X = whole.vertices.copy()
+    floor = (X[:, 2] == 12.0) & (np.abs(X[:, :2] - [12.0, 8.0]) <= [4.0, 3.0]).all(axis=1)
+    X[floor, 2] -= deep
+    middle = whole.triangles.mean(axis=1)
+    seen = (middle[:, 2] < 11.99) | (np.abs(middle[:, :2] - [12.0, 8.0]) > [4.0, 3.0]).any(axis=1)
+    pocket = whole.volume - replace(whole, vertices=X).volume
+    mesh = noisy(replace(whole, vertices=X), SIGMA, 1)
+    step = found_on(Mesh(mesh.vertices, mesh.faces, measured=seen)).step
+    assert step.volume is not None
+    assert step.figures["faces"] == 6
+    off = step.volume.value - (whole.volume - pocket)
+    assert abs(off) < 2 * step.volume.sigma
+    assert pocket / 2 < step.volume.sigma < 2 * pocket or (deep == 0 and step.volume.sigma < 3)
+
+
 def test_a_calibration_moves_all_faces_of_a_solid_at_once() -> None:
     """A scale that is unknown by a part in a thousand makes three of a volume."""
     mesh = closed_box()

@@ -9,14 +9,24 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.drawings import Facets
-from turnscan.mesh import Mesh, is_closed, vector_areas
-from turnscan.shapes import VolumeSigma, deviation, volume_sigma
+from turnscan.mesh import (
+    Mesh,
+    components,
+    is_closed,
+    measured,
+    opposite_half_edges,
+    submesh,
+    vector_areas,
+)
+from turnscan.shapes import Deviation, VolumeSigma, deviation, volume_sigma
 from turnscan.shapes.primitives import ShapeSet, shapes_volume_sigma
 from turnscan.workflows._solids._loaded import Loaded
 from turnscan.workflows._solids._shapes_table import finite
 
 _SAME = 0.02
 """Of the tolerance of the shapes: vertices of a face lie so near to the shape that it is of."""
+_OFF = 2.0
+"""Tolerances of the shapes from which a face of the mesh does not lie on the solid."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,7 @@ def solid_volume(value: float, surface: Loaded, found: ShapeSet, facets: Facets)
     near = deviation(mesh.triangles.mean(axis=1), facets.mesh)
     rest = shape[near.face] < 0
     left = _left(mesh, found, near.distance, ~rest)
+    left += _in_pockets(mesh, facets, near, ~rest, _OFF * found.tolerance)
     if not is_closed(mesh):
         own = VolumeSigma(0.0, 0.0, 0.0, shapes=sigma, left=left)
         return SolidVolume(value, own, closed=False)
@@ -96,3 +107,33 @@ def _left(mesh: Mesh, found: ShapeSet, distance: Floats, on: Bools) -> float:
     if mesh.measured is not None:
         own &= mesh.measured
     return abs(float(area[own] @ distance[own]))
+
+
+def _in_pockets(mesh: Mesh, facets: Facets, near: Deviation, on: Bools, off: float) -> float:
+    """mm³ between fillings and the solid that goes on in their stead where it may not.
+
+    Nobody saw whether a face goes on there. Where the points about a filling lie on the solid, it
+    does as far as anybody knows; in a pocket they lie further than ``off`` mm from it. The share of
+    a filling's rim that does is taken of the volume between it and faces of shapes, ``on`` (f,).
+    """
+    filled = np.flatnonzero(~measured(mesh))
+    if not len(filled):
+        return 0.0
+    patch = np.full(len(mesh.faces), -1, dtype=np.int32)
+    patch[filled] = components(submesh(mesh, ~measured(mesh)))
+    out = vector_areas(facets.mesh.triangles)[near.face]
+    out /= np.maximum(np.linalg.norm(out, axis=1), 1e-300)[:, None]
+    between = np.einsum("ij,ij->i", vector_areas(mesh.triangles), out) * near.distance
+    volume = np.bincount(patch[filled], np.where(on, between, 0.0)[filled])
+    side = (3 * filled[:, None] + np.arange(3)).ravel()
+    twin = opposite_half_edges(mesh.faces)[side]
+    side, other = side[twin >= 0], twin[twin >= 0] // 3
+    rim = patch[other] < 0
+    side, other = side[rim], other[rim]
+    face, corner = side // 3, side % 3
+    ends = [mesh.vertices[mesh.faces[face, (corner + k) % 3]] for k in (0, 1)]
+    length = np.linalg.norm(ends[1] - ends[0], axis=1)
+    many = len(volume)
+    whole = np.bincount(patch[face], length, many)
+    away = np.bincount(patch[face], length * (np.abs(near.distance[other]) > off), many)
+    return float(np.abs(volume) @ (away / np.maximum(whole, 1e-300)))
