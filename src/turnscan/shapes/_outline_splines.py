@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from turnscan.arrays import Floats
 
-Index = npt.NDArray[np.intp]
 _MOST_CONTROLS = 120
 _CHANCE, _TWO, _KEPT, _LONG = 6.0, 4.0, 4.0, 0.4
 """Prices: what an arc, or a short line, beside a spline has to earn; what two splines have to; what
@@ -46,60 +44,23 @@ def fit_spline(
     its arc length, repaired twice to where the spline comes nearest. chi2 is Σ (distance across the
     spline / scale)².
     """
+    from turnscan.shapes import _outline_spline_kernels as kernels
+
+    p = np.ascontiguousarray(p)
     steps = np.linalg.norm(np.diff(p, axis=0), axis=1)
     at = np.minimum(np.r_[0.0, np.cumsum(steps)] / max(float(steps.sum()), 1e-300), 1.0)
     # As many points in each stretch between two knots: a stretch without one has no say.
     inner = np.quantile(at, np.linspace(0.0, 1.0, controls - 2))[1:-1]
     knots = np.r_[np.zeros(4), (inner + np.linspace(0, 1, controls - 2)[1:-1]) / 2, np.ones(4)]
-    weight = np.where(np.isfinite(scale), 1.0 / scale, 0.0)
+    weight = np.where(np.isfinite(scale), 1.0 / scale, 0.0) ** 2
     chi2 = 0.0
     control = np.zeros((controls, 2))
-    for turn in range(3):
-        first, value, rise = _cubics(at, knots)
-        own = first[:, None] + np.arange(4)
-        control = _solve(*_equations(p, weight**2, own, value, controls), ends, tangents)
-        off = p - np.einsum("nk,nkj->nj", value, control[own])
-        slope = np.einsum("nk,nkj->nj", rise, control[own])
-        speed = np.maximum(np.einsum("ij,ij->i", slope, slope), 1e-300)
-        across = (off[:, 0] * slope[:, 1] - off[:, 1] * slope[:, 0]) / np.sqrt(speed)
-        chi2 = float(((across * weight) ** 2).sum())
-        if turn < 2:
-            at = np.clip(at + np.einsum("ij,ij->i", off, slope) / speed, 0.0, 1.0)
+    for _ in range(3):
+        cubic = kernels.cubics(at, knots)
+        normal, right = kernels.equations(p, weight, cubic[0], cubic[1], controls)
+        control = _solve(normal, right, ends, tangents)
+        chi2, at = kernels.settled(p, weight, at, cubic, control)
     return SplineFit(control, knots, chi2)
-
-
-def _cubics(at: Floats, knots: Floats) -> tuple[Index, Floats, Floats]:
-    """(n,) the first of the four control points that count at each place of a clamped cubic, (n, 4)
-    their shares, and (n, 4) how these change (de Boor 1978, A Practical Guide to Splines, X)."""
-    last: Index = np.clip(np.searchsorted(knots, at, side="right") - 1, 3, len(knots) - 5)
-    share, before = np.ones((len(at), 1)), np.ones((len(at), 1))
-    for degree in (1, 2, 3):
-        k = np.arange(1, degree + 1)
-        right, left = knots[last[:, None] + k], knots[last[:, None] + k - degree]
-        part = share / (right - left)
-        before = share
-        share = np.zeros((len(at), degree + 1))
-        share[:, :-1] = part * (right - at[:, None])
-        share[:, 1:] += part * (at[:, None] - left)
-    k = np.arange(1, 4)
-    part = 3.0 * before / (knots[last[:, None] + k] - knots[last[:, None] + k - 3])
-    rise = np.zeros_like(share)
-    rise[:, :-1] = -part
-    rise[:, 1:] += part
-    return last - 3, share, rise
-
-
-def _equations(
-    p: Floats, weight: Floats, own: Index, value: Floats, controls: int
-) -> tuple[Floats, Floats]:
-    """Normal equations (k, k) and (k, 2) of points (n, 2) whose control points ``own`` (n, 4) have
-    these shares (n, 4)."""
-    pull = weight[:, None] * value
-    both = (own[:, :, None] * controls + own[:, None, :]).ravel()
-    products = (pull[:, :, None] * value[:, None, :]).ravel()
-    normal = np.bincount(both, products, controls**2).reshape(controls, controls)
-    right = [np.bincount(own.ravel(), (pull * x[:, None]).ravel(), controls) for x in p.T]
-    return np.asarray(normal, dtype=np.float64), np.stack(right, axis=1)
 
 
 def local_direction(p: Floats, scale: Floats, at: int) -> tuple[Floats, Floats]:
