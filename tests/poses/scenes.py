@@ -109,3 +109,16 @@ def write_scan(path: Path, name: str, seed: int, stored: Rig | None = None) -> N
             dark = rng.normal(12, 1.0, (240, 320))
             as_u8 = [np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (light, dark)]
             scan.add(Frame(k, "L0", *as_u8, commanded=float(angles[k])))
+
+
+def wavy(seed: int, border: float = 1.0) -> View:
+    """A sheet of 20 × 20 mm with waves, a point each 0.5 mm; its rim is no inner part."""
+    draw = np.random.default_rng(seed)
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(-10, 10, 0.5), np.arange(-10, 10, 0.5)))
+    x, y = x + draw.uniform(-0.1, 0.1, x.shape), y + draw.uniform(-0.1, 0.1, y.shape)
+    points = np.stack([x, y, np.sin(0.4 * x) + 0.5 * np.cos(0.5 * y)], axis=-1)
+    up = np.stack([-0.4 * np.cos(0.4 * x), 0.25 * np.sin(0.5 * y), np.ones_like(x)], axis=-1)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    inner = np.maximum(abs(x), abs(y)) < 10 - border
+    sigma = draw.uniform(0.01, 0.03, len(x))
+    return View(f"sheet {seed}", points, up, sigma, points + 100 * up, inner, 0.5)

@@ -16,7 +16,7 @@ from turnscan.rig import Pose
 if TYPE_CHECKING:
     from turnscan.poses._link_kernels import Surface
 
-_ALIKE = float(np.cos(np.deg2rad(35.0)))
+ALIKE = float(np.cos(np.deg2rad(35.0)))
 """Cosine between the normals of one place, seen twice."""
 
 
@@ -65,16 +65,16 @@ def link(
     """
     from turnscan.poses import _link_kernels as kernels
 
-    mine, other = _surface(views[i], poses[i]), _surface(views[j], poses[j])
+    mine, other = surface_of(views[i], poses[i]), surface_of(views[j], poses[j])
     there = poses[i].apply(mine.points[samples])
     back = (there - other.translation) @ other.rotation
-    away, at = views[j].tree.query(back, distance_upper_bound=reach)
-    limits = _ALIKE, max(2 * views[j].spacing, reach / 2) ** 2
+    away, at = views[j].nearest(back, reach)
+    limits = ALIKE, max(2 * views[j].spacing, reach / 2) ** 2
     which, *found = kernels.met(mine, other, samples, away, at, limits)
     return Links(i, j, *found), which
 
 
-def _surface(v: View, pose: Pose) -> Surface:
+def surface_of(v: View, pose: Pose) -> Surface:
     """What the kernels take of a view."""
     from turnscan.poses import _link_kernels as kernels
 

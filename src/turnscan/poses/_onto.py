@@ -81,7 +81,7 @@ def onto(reference: View, other: View) -> Onto:
     points = other.points[desk.few[1]]
     tried: list[tuple[float, Pose]] = []
     for start, _ in placements(desk.pairs[0], desk.pairs[1], _TRIED):
-        pose = desk.refined(1, {0: Pose()}, start, _COARSE)
+        pose = desk.refined(1, 0, start, _COARSE)
         share, off = _misfit(rough[0], rough[1], pose, desk.few[1], desk.step)
         same = any(_apart(pose, p, points) < limit for _, p in tried)
         if share >= _LEAST and not same:
@@ -123,7 +123,7 @@ def _misfit(
     """Part of the samples that has the reference within ``reach`` mm facing the same way, and the
     rms of those, mm."""
     there, normals = pose.apply(other.points[samples]), pose.turn(other.normals[samples])
-    away, at = reference.tree.query(there, distance_upper_bound=reach)
+    away, at = reference.nearest(there, reach)
     met = np.isfinite(away)
     met[met] = np.einsum("ij,ij->i", reference.normals[at[met]], normals[met]) > _FACING
     if not met.any():

@@ -16,6 +16,7 @@ from turnscan.poses._match import Sampled, placements, sampled
 from turnscan.poses._observability import explains, freedoms
 from turnscan.poses._refine import (
     all_links,
+    approach,
     both_ways,
     equations,
     middles_of,
@@ -91,36 +92,35 @@ class Desk:
         self.pairs = [sampled(v, self.step, size) for v in self.views]
         self.light = [thinned(v, _THIN * self._last([v])) for v in self.views]
 
-    def trial(self, i: int, placed: Placed, start: Pose, fine: bool) -> _Found:
+    def trial(self, i: int, placed: Placed, start: Pose) -> _Found:
         """View i, refined from ``start`` against the placed views, and how it fits there."""
+        return self._judged(i, placed, self._settled(i, placed, start), self.many)
+
+    def _judged(self, i: int, placed: Placed, pose: Pose, samples: Sequence[Ints]) -> _Found:
+        """How view i fits the placed views where it lies."""
         some = sorted(placed)
-        views, samples = self._together(i, some, fine)
+        views, picked = self._together(i, some, samples)
         spaces = [self.spaces[j] for j in [*some, i]]
-        if fine:
-            pose = self._settled(i, placed, start)
-        else:
-            pose = self.refined(i, placed, start, _TRIAL, self._last(views))
         n = len(some)
         poses = [*(placed[j] for j in some), pose]
-        return _Found(pose, fit(views, poses, spaces, samples, n, range(n), self.step))
+        return _Found(pose, fit(views, poses, spaces, picked, n, range(n), self.step))
 
     def refined(
-        self, i: int, placed: Placed, start: Pose, rounds: int, begin: float | None = None,
+        self, i: int, j: int, start: Pose, rounds: int, begin: float | None = None,
         quick: bool = False,
     ) -> Pose:  # fmt: skip
-        """Where view i comes to lie on the placed views from ``start``, in so many rounds.
+        """Where view i comes to lie on view j, in its frame, from ``start``, in so many rounds.
 
-        Its few samples alone are looked for on the others: that comes near. Their links are
+        Its few samples alone are looked for on the other: that comes near. Their links are
         ``begin`` mm long at first, a sample spacing without. ``quick``: on no more points of the
-        others than that needs; by edges of a part they can lead astray.
+        other than that needs; by edges of a part they can lead astray.
         """
-        some, others = sorted(placed), self.light if quick else self.views
-        views = [*(others[j] for j in some), self.views[i]]
-        n = len(some)
-        asked = {(n, k): self.few[i] for k in range(n)}
-        poses = [*(placed[j] for j in some), start]
-        reach, still = (begin or self.step, self._last(views)), _REST * self.step
-        return refine(views, poses, asked, reach, fixed=n, rounds=rounds, still=still)[n]
+        other = (self.light if quick else self.views)[j]
+        last = self._last([other, self.views[i]])
+        still = _REST * self.step
+        return approach(
+            self.views[i], other, start, self.few[i], (begin or self.step, last), rounds, still
+        )
 
     def _last(self, views: Sequence[View]) -> float:
         """mm: length of the last links of a trial."""
@@ -129,7 +129,7 @@ class Desk:
     def _settled(self, i: int, placed: Placed, start: Pose) -> Pose:
         """Where view i comes to lie on the placed views in the end, and they on it."""
         some = sorted(placed)
-        views, samples = self._together(i, some, fine=True)
+        views, samples = self._together(i, some, self.many)
         n = len(some)
         poses = [*(placed[j] for j in some), start]
         reach = self.step, self._last(views)
@@ -142,10 +142,11 @@ class Desk:
         tight = float((np.abs(links.offsets) < TIGHT * self.step).sum()) / len(some)
         return tight >= _PROMISE * LEAST * AGREE
 
-    def _together(self, i: int, some: list[int], fine: bool) -> tuple[list[View], list[Ints]]:
+    def _together(
+        self, i: int, some: list[int], samples: Sequence[Ints]
+    ) -> tuple[list[View], list[Ints]]:
         """The placed views and view i behind them, with their samples."""
         numbers = [*some, i]
-        samples = self.many if fine else self.few
         return [self.views[j] for j in numbers], [samples[j] for j in numbers]
 
     def candidates(self, i: int, j: int) -> list[Pose]:
@@ -155,10 +156,12 @@ class Desk:
         for start, _ in placements(self.pairs[j], self.pairs[i], _TRIED):
             if any(_apart(start, o, points) < _BASIN * self.step for o in out):
                 continue
-            near = self.refined(i, {j: Pose()}, start, _FIRST, quick=True)
+            near = self.refined(i, j, start, _FIRST, quick=True)
             if not self._promising(i, j, near):
                 continue
-            found = self.trial(i, {j: Pose()}, near, fine=False)
+            last = self._last([self.views[j], self.views[i]])
+            pose = self.refined(i, j, near, _TRIAL, last)
+            found = self._judged(i, {j: Pose()}, pose, self.few)
             if found.fit.good and all(_apart(found.pose, o, points) > limit for o in out):
                 out.append(found.pose)
         return out
@@ -238,7 +241,7 @@ def _distinct(desk: Desk, i: int, placed: Placed, starts: Sequence[Pose]) -> lis
     points, limit = desk.views[i].points[desk.few[i]], _SAME * desk.step
     for start in starts:
         if all(_apart(start, o.pose, points) > limit for o in good):
-            found = desk.trial(i, placed, start, fine=True)
+            found = desk.trial(i, placed, start)
             if found.fit.good:
                 good.append(found)
     good.sort(key=lambda f: -f.fit.score)

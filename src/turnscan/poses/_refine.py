@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
-from turnscan.poses._links import Links, link, rows
+from turnscan.poses._links import ALIKE, Links, link, rows, surface_of
 from turnscan.poses._view import View, thin
 from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
 from turnscan.threads import in_parts
@@ -81,7 +81,7 @@ def near_ones(views: Sequence[View], poses: Sequence[Pose], asked: Asked, reach:
     out = {}
     for (i, j), some in asked.items():
         back = poses[j].inverse().apply(poses[i].apply(views[i].points[some]))
-        away = views[j].tree.query(back, distance_upper_bound=reach)[0]
+        away = views[j].nearest(back, reach)[0]
         out[i, j] = some[np.isfinite(away)]
     return out
 
@@ -180,6 +180,28 @@ def refine(
             break
         limit = max(reach[1], _SHRINK * limit)
     return now
+
+
+def approach(
+    mine: View,
+    other: View,
+    start: Pose,
+    samples: Ints,
+    reach: tuple[float, float],
+    rounds: int,
+    still: float,
+) -> Pose:
+    """`refine` of one view alone, from ``start`` in the frame of another one, which stays.
+
+    Samples of it are looked for on the other one, not the other way round; compiled as a whole.
+    """
+    from turnscan.poses import _approach_kernels as kernels
+
+    course = kernels.Course(
+        rounds, *reach, _SHRINK, still, _STILL, _TUKEY, _RIDGE, ALIKE, other.spacing
+    )
+    there = surface_of(mine, start), surface_of(other, Pose())
+    return Pose(*kernels.approach(*there, other.cubes, samples, mine.middle, course))
 
 
 def _solve(e: Equations, held: Floats | None, fixed: int) -> Floats:

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints, frozen
+from turnscan.arrays import Bools, Floats, Ints, Longs, frozen
 from turnscan.errors import InputError
 from turnscan.mesh import half_edges
+from turnscan.poses._near import cubes_of
 from turnscan.surface.fusion import RangeSurface
+
+if TYPE_CHECKING:
+    from turnscan.poses._near_kernels import Cubes
 
 _SMOOTH = 2.0
 """Usual spacings over which normals are averaged, at least …"""
@@ -51,13 +55,16 @@ class View:
         put(self, "inner", frozen(self.inner, (n,), "View.inner", np.bool_))
 
     @cached_property
-    def tree(self) -> Any:
-        """KD-tree of the points."""
-        from scipy.spatial import cKDTree
+    def cubes(self) -> Cubes:
+        """The points by cubes, for the nearest of them."""
+        return cubes_of(self.points, self.spacing)
 
-        # Boxes that are cut in halves and not fitted to their points are quicker asked where
-        # nothing is near.
-        return cKDTree(self.points, compact_nodes=False, balanced_tree=False)
+    def nearest(self, places: Floats, reach: float) -> tuple[Floats, Longs]:
+        """Distance (m,) mm to the nearest point and its number (m,), of places (m, 3) mm in the
+        view's frame; infinite and -1 where none is nearer than ``reach`` mm."""
+        from turnscan.poses import _near_kernels as kernels
+
+        return kernels.nearest(self.cubes, np.ascontiguousarray(places), reach)
 
     @cached_property
     def middle(self) -> Floats:
