@@ -18,7 +18,7 @@ from click.testing import CliRunner
 
 import turnscan as ts
 from tests.needs import needs
-from tests.shapes.solids import noisy, prism, turned
+from tests.shapes.solids import closed_box, noisy, prism, turned
 from turnscan.arrays import Floats
 from turnscan.cli import main, turnscan
 from turnscan.drawings import (
@@ -410,6 +410,21 @@ def test_a_floor_that_was_filled_with_the_wall_above_it_closes_the_solid() -> No
     assert step.figures["faces_not_measured"] == 1
     truth = np.pi * (25**2 * 20 + 15**2 * 20)
     assert step.figures["volume_mm3"] == pytest.approx(truth, rel=1e-3)
+
+
+@pytest.mark.parametrize("seen", [6.0, 12.0, 23.0])
+def test_a_face_that_is_mostly_hidden_goes_on_to_where_the_others_end_it(seen: float) -> None:
+    """Of the lid of a box a strip was measured, the rest is open."""
+    needs("OpenCASCADE")
+    mesh = noisy(closed_box(), 0.003, 1)
+    t = mesh.triangles
+    hidden = (t[..., 2].min(axis=1) > 11.5) & (t[..., 0].max(axis=1) > seen + 0.5)
+    step = find_shapes(replace(mesh, faces=mesh.faces[~hidden])).step
+    assert step.solid, step.findings
+    assert step.figures["faces"] == 6
+    # Six planes, each known to a third of the noise or better: 1 µm on 1728 mm² are 1.7 mm³.
+    assert step.figures["volume_mm3"] == pytest.approx(24 * 16 * 12, abs=5)
+    assert step.figures["volume_mm3"] != pytest.approx(24 * 16 * 12, abs=1e-6)
 
 
 def test_an_open_mesh_has_no_solid_that_lacks_a_part_of_it() -> None:

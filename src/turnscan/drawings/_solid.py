@@ -23,8 +23,9 @@ from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import Shape
 
 ANALYTIC = "analytic solid"
-_BEYOND = 0.1
-"""Of the part's size: how far each face reaches beyond what was measured on it."""
+REACHES = 0.1, 1.0
+"""Of the part's size: how far each face goes on beyond what was measured on it. A face that is
+mostly hidden may end far from there; but faces that cross the whole part make many cells."""
 _SLIVER = 1e-3
 """Of the box about the part: cells of less volume are left out where they are in doubt."""
 _TRIES = 400
@@ -96,13 +97,16 @@ def check_opencascade() -> None:
         ) from None
 
 
-def solid_of(mesh: Mesh, surfaces: Sequence[tuple[Shape, Floats]]) -> Solid | None:
+def solid_of(
+    mesh: Mesh, surfaces: Sequence[tuple[Shape, Floats]], reach: float = REACHES[0]
+) -> Solid | None:
     """The solid that surfaces bound, each given with the points (n, 3) mm measured on it.
 
-    None where they do not close. Raises InputError where OpenCASCADE is not installed.
+    Each goes on beyond these by ``reach`` of the part's size. None where they do not close. Raises
+    InputError where OpenCASCADE is not installed.
     """
     check_opencascade()
-    margin = _BEYOND * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    margin = reach * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     cells = _cells([_face(s, X, margin) for s, X in surfaces])
     inside = [_is_inside(c, mesh) for c in cells]
     kept = [c for c, is_in in zip(cells, inside, strict=True) if is_in]

@@ -42,7 +42,7 @@ def denoise(grid: RangeGrid, most: float = 2.0, progress: Progress = no_progress
         raise InputError(f"denoise by {most} sigma", hint="give a positive number, like 2")
     if not grid.found.any():
         return grid
-    off, _ = _offsets(grid, _SCALE, progress, alone=False)
+    off, _ = _offsets(grid, _measured(grid), _SCALE, progress, alone=False)
     limit = most * np.nan_to_num(grid.sigma)
     move = np.nan_to_num(np.clip(off, -limit, limit))
     ray = _eyes(grid)[:, None] - grid.points
@@ -60,22 +60,23 @@ def outliers(grid: RangeGrid, beyond: float) -> Bools:
     """
     from turnscan.surface.clean import _denoise_kernels as kernels
 
-    off, rest = _offsets(grid, 2 * _SCALE, no_progress, alone=True)
+    measured = _measured(grid)
+    off, rest = _offsets(grid, measured, 2 * _SCALE, no_progress, alone=True)
     beyond *= np.sqrt(1.0 + _OWN)
     with np.errstate(invalid="ignore"):
-        doubtful = np.abs(off) > beyond * noise(grid) * np.maximum(rest, 1.0)
+        doubtful = np.abs(off) > beyond * measured.noise * np.maximum(rest, 1.0)
     from_profile = np.zeros(off.shape)
-    kernels.off_profile(_measured(grid), doubtful, from_profile)
+    kernels.off_profile(measured, doubtful, from_profile)
     return np.asarray(np.abs(from_profile) > beyond)
 
 
 def _offsets(
-    grid: RangeGrid, scale: float, progress: Progress, *, alone: bool
+    grid: RangeGrid, measured: Measured, scale: float, progress: Progress, *, alone: bool
 ) -> tuple[Floats, Floats]:
     """(s, n) each: how far off the surface about it a point lies, mm, and the residual there."""
     from turnscan.surface.clean import _denoise_kernels as kernels
 
-    measured, closed, size = _measured(grid), _closed(grid), len(grid.steps)
+    closed, size = grid.closed and len(grid.steps) > 4 * _REACH, len(grid.steps)
     off, rest = np.full(grid.flags.shape, np.nan), np.full(grid.flags.shape, np.nan)
     for first in range(0, size, _AT_A_TIME):
         progress(first / size)
@@ -97,10 +98,6 @@ def _measured(grid: RangeGrid) -> Measured:
 
     side = np.zeros(grid.flags.shape, dtype=np.bool_) if grid.behind is None else grid.behind
     return kernels.Measured(grid.points, side, _eyes(grid), noise(grid))
-
-
-def _closed(grid: RangeGrid) -> bool:
-    return bool(grid.closed and len(grid.steps) > 4 * _REACH)
 
 
 def _eyes(grid: RangeGrid) -> Floats:

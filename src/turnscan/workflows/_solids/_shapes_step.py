@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.drawings import (
     ANALYTIC,
+    REACHES,
     Facets,
     Solid,
     StepPart,
@@ -44,6 +46,8 @@ _ALIKE = 0.01
 """Share of the volume that a solid may differ from the mesh by: a mesh cuts its edges."""
 _SURE = 3.0
 _EXACT = 1e-6
+_MOST_FAR = 24
+"""Surfaces that are let go across the whole part; the cells between them grow with their cube."""
 _COVER = 0.8
 """Share of the measured surface that must lie on shapes for a solid of them."""
 _LARGE = 0.01
@@ -154,15 +158,18 @@ def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
     """The solid that shapes close to, else with as few planes of fillings as close it; or why not.
 
     Small fillings lie along edges that were not seen: where large ones close the part they would
-    cut its edges off.
+    cut its edges off. A face that is mostly hidden goes on further than the others, where that is
+    asked of few enough.
     """
     if found.coverage < _COVER:
         return None, f"only {found.coverage:.0%} of the measured surface lies on shapes"
     shapes, fillings = _surfaces(mesh, found)
     large = sum(plane.area >= _LARGE * mesh.area_of() for plane, _ in fillings)
     known, why = measured_vertices(mesh), ""
-    for added in sorted({0, large, len(fillings)}):
-        solid = solid_of(mesh, [*shapes, *fillings[:added]])
+    for added, reach in itertools.product(sorted({0, large, len(fillings)}), REACHES):
+        if reach > REACHES[0] and len(shapes) + added > _MOST_FAR:
+            continue
+        solid = solid_of(mesh, [*shapes, *fillings[:added]], reach)
         why = _against(mesh, solid)
         if solid is None or why:
             continue
