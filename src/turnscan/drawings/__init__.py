@@ -8,13 +8,12 @@ from turnscan.drawings._json import section_report, write_section_json
 from turnscan.drawings._revolved import revolved_solid
 from turnscan.drawings._sheet import found
 from turnscan.drawings._shell import Shell, ShellMaker
-from turnscan.drawings._solid import ANALYTIC, REACHES, Solid, check_opencascade, solid_of
+from turnscan.drawings._solid import ANALYTIC, Solid, check_opencascade, solid_of
 from turnscan.drawings._step import StepPart, read_step, write_step
 from turnscan.drawings._svg import draw_section, write_section_pdf, write_section_svg
 
 __all__ = [
     "ANALYTIC",
-    "REACHES",
     "Colour",
     "Facets",
     "Shell",

@@ -23,7 +23,7 @@ from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import Shape
 
 ANALYTIC = "analytic solid"
-REACHES = 0.1, 1.0
+_BEYOND, _FAR = 0.1, 1.0
 """Of the part's size: how far each face goes on beyond what was measured on it. A face that is
 mostly hidden may end far from there; but faces that cross the whole part make many cells."""
 _SLIVER = 1e-3
@@ -98,15 +98,15 @@ def check_opencascade() -> None:
 
 
 def solid_of(
-    mesh: Mesh, surfaces: Sequence[tuple[Shape, Floats]], reach: float = REACHES[0]
+    mesh: Mesh, surfaces: Sequence[tuple[Shape, Floats]], far: bool = False
 ) -> Solid | None:
     """The solid that surfaces bound, each given with the points (n, 3) mm measured on it.
 
-    Each goes on beyond these by ``reach`` of the part's size. None where they do not close. Raises
-    InputError where OpenCASCADE is not installed.
+    Each goes on beyond these a little, or ``far``, across the whole part. None where they do not
+    close. Raises InputError where OpenCASCADE is not installed.
     """
     check_opencascade()
-    margin = reach * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    margin = (_FAR if far else _BEYOND) * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     cells = _cells([_face(s, X, margin) for s, X in surfaces])
     inside = [_is_inside(c, mesh) for c in cells]
     kept = [c for c, is_in in zip(cells, inside, strict=True) if is_in]

@@ -14,7 +14,6 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.drawings import (
     ANALYTIC,
-    REACHES,
     Facets,
     Solid,
     StepPart,
@@ -166,10 +165,10 @@ def _analytic(mesh: Mesh, found: ShapeSet) -> tuple[_Analytic | None, str]:
     shapes, fillings = _surfaces(mesh, found)
     large = sum(plane.area >= _LARGE * mesh.area_of() for plane, _ in fillings)
     known, why = measured_vertices(mesh), ""
-    for added, reach in itertools.product(sorted({0, large, len(fillings)}), REACHES):
-        if reach > REACHES[0] and len(shapes) + added > _MOST_FAR:
+    for added, far in itertools.product(sorted({0, large, len(fillings)}), (False, True)):
+        if far and len(shapes) + added > _MOST_FAR:
             continue
-        solid = solid_of(mesh, [*shapes, *fillings[:added]], reach)
+        solid = solid_of(mesh, [*shapes, *fillings[:added]], far)
         why = _against(mesh, solid)
         if solid is None or why:
             continue
