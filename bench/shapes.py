@@ -70,8 +70,8 @@ _STEP = 1e-4
 _MOST = 0.75
 """Share of the points of a shape of which the part must have such a surface: others lie beside its
 edges."""
-_LOOSE = 0.05
-"""mm: scatter beyond which a point has less say in the alignment."""
+_LOOSE = 0.01
+"""mm: distance beyond which a place on a shape has less say in the alignment."""
 
 
 @dataclass(frozen=True)
@@ -218,14 +218,16 @@ def measured_part(task: Task, folder: Path) -> list[str]:
     lines = [line for t in TRUTHS.get(name, ()) for line in _lines(name, t, f.sizes)]
     near = _near_edges(f.mesh, f.shapes, part, place)
     edges = [] if near is None else [near.line(name)]
-    there = _expected(f) if f.believed is f.made.rig else place
-    rest = _rest(name, f.shapes, f.mesh, part, there, f.spent, f.usual)
+    rest = _rest(name, f.shapes, f.mesh, part, place, f.spent, f.usual)
     return [*lines, *edges, rest]
 
 
 def _placed(f: Found) -> Pose:
-    """From the frame of the mesh to that of the part, by the best fit of all shapes: one that is
-    false pulls the others along."""
+    """From the frame of the mesh to that of the part: as the simulator has laid it where the rig is
+    known exactly, else by the best fit of all shapes, of which one that is false pulls the others
+    along."""
+    if f.believed is f.made.rig:
+        return _expected(f)
     return _aligned(f.mesh, f.shapes, f.made.scene.bodies[0].part, _expected(f))
 
 
@@ -298,10 +300,20 @@ def _lines(name: str, truth: Truth, sizes: Sequence[ShapeSize]) -> list[str]:
 
 
 def _aligned(mesh: Mesh, found: ShapeSet, part: Part, base: Pose) -> Pose:
-    """Where the part is: what a calibration does not know is where the table's zero lies."""
-    X = base.apply(mesh.vertices[found.used][:: max(1, int(found.used.sum()) // 4000)])
-    if part.distance is None or not len(X):
+    """Where the part is: what a calibration does not know is where the table's zero lies.
+
+    The points lie on the shapes, not where they were measured, for their scatter may be more than
+    the shapes are off.
+    """
+    some = np.flatnonzero(found.used)[:: max(1, int(found.used.sum()) // 4000)]
+    if part.distance is None or not len(some):
         return base
+    X = mesh.vertices[some]
+    for k, s in enumerate(found.shapes):
+        on = found.label[some] == k
+        d, n = surface.distances(KINDS.index(s.kind), s.numbers, X[on])
+        X[on] -= d[:, None] * n
+    X = base.apply(X)
     distance = part.distance
 
     def pose(p: Floats) -> Pose:

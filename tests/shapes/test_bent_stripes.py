@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from turnscan.arrays import Floats
-from turnscan.mesh import Mesh, Provenance
+from turnscan.mesh import Mesh, Provenance, submesh
 from turnscan.shapes.primitives import find_shapes
 from turnscan.shapes.primitives._find import _kept, sigma_of
 from turnscan.shapes.primitives._ground import prepared
@@ -106,3 +107,42 @@ def test_a_band_of_edges_is_no_curved_shape_where_it_is_known_badly() -> None:
         g = prepared(mesh, np.where(band, 5 * worse * SIGMA, 5 * SIGMA), None)
         kept, _ = _kept(g, [Region(CYLINDER, axis, 1.0, own) for own in owns])
         assert len(kept) == many
+
+
+def _bore(doubtful: int, more: float = 0.0) -> tuple[Mesh, int]:
+    """A bore whose near quarter is known well; of each ten stripes of the far one, so many are
+    doubtful. It stands ``more`` mm further out. The number of its first vertex."""
+    near = _bowed(0.0, np.full(40, 5 * SIGMA))
+    worse = np.where(np.arange(40) % 10 < doubtful, 60 * SIGMA, 5 * SIGMA)
+    far = _bowed(0.0, worse)
+    turned = far.vertices * (-1.0, 1.0, -1.0)
+    turned[:, 2] -= more
+    both = Mesh(
+        np.concatenate([near.vertices, turned]),
+        np.concatenate([near.faces, far.faces + len(near.vertices)]),
+        Provenance(*(
+            np.concatenate([getattr(m.provenance, name) for m in (near, far)])
+            for name in ("sigma", "laser", "step", "line")
+        ), ("laser",)),
+    )  # fmt: skip
+    return both, len(near.vertices)
+
+
+def test_the_far_side_of_a_bore_that_is_seen_badly_belongs_to_it_all_the_same() -> None:
+    mesh, first = _bore(doubtful=4)
+    alone = submesh(mesh, mesh.faces.min(axis=1) >= first)
+    assert find_shapes(alone).shapes == (), "too many of its points are doubtful"
+    found = find_shapes(mesh)
+    [both] = found.shapes
+    assert (found.label[first:] == 0).mean() > 0.95
+    assert abs(both.radius - 16.0) < 4 * both.radius_sigma
+
+
+@pytest.mark.parametrize(("doubtful", "more"), [(6, 0.0), (4, 3.0)])
+def test_what_is_doubtful_mostly_or_lies_elsewhere_belongs_to_no_bore(
+    doubtful: int, more: float
+) -> None:
+    mesh, first = _bore(doubtful, more)
+    found = find_shapes(mesh)
+    assert len(found.shapes) == 1
+    assert (found.label[first:] >= 0).mean() < 0.05

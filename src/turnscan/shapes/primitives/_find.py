@@ -1,4 +1,4 @@
-"""The shapes of a mesh: regions grown, merged, settled, fitted together, related."""
+"""The shapes of a mesh: regions grown, merged, continued, settled, fitted together, related."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._ground import Ground, Index, prepared
 from turnscan.shapes.primitives._judged import LEAST, WAVY, bent, cells, close, poor, waves, wide
 from turnscan.shapes.primitives._region import Region, refit
-from turnscan.shapes.primitives._regions import grow_regions, merged
+from turnscan.shapes.primitives._regions import continued, grow_regions, merged
 from turnscan.shapes.primitives._relations import adopt
 from turnscan.shapes.primitives._shapes import KINDS, Shape, ShapeSet
 from turnscan.shapes.primitives._surface_kernels import CYLINDER, FREE, PLANE, SPHERE
@@ -77,6 +77,7 @@ def find_shapes(
     ground = prepared(part, sigma_of(part), tolerance)
     total = float(ground.area.sum())
     found = merged(ground, grow_regions(ground, smallest * total, most))
+    found = continued(ground, found, smallest * total)
     found, label = _kept(ground, found)
     fields = [np.asarray(m)[back] for m in moves]
     return _finished(ground, found, label, fields, relations, back, len(mesh.vertices))

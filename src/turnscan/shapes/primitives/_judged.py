@@ -52,6 +52,8 @@ _WRAPPED = 0.5
 _FIRM = 0.65
 """Share of a region's points that must not be doubtful: stripes that an edge bends lie on smooth
 bands, too, across the corners of keyways and beside silhouettes. Those have up to 0.55 of them."""
+_FIRM_ELSEWHERE = 0.5
+"""The same share where a surface was found elsewhere already: such bands lie on none of these."""
 
 
 def enough(g: Ground, kind: int, q: Floats, member: Index, least: float) -> bool:
@@ -70,6 +72,15 @@ def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
     if g.blind and rows(g, kind, q, member) < (_ROWS[0] if kind == PLANE else _ROWS[1]):
         return False
     return close(g, kind, q, member)
+
+
+def continues(g: Ground, kind: int, q: Floats, member: Index) -> bool:
+    """Whether members are more of a surface that was found elsewhere, so that they need not say
+    alone what it is."""
+    firm = int(g.firm[member].sum())
+    return (
+        firm >= _FIRM_ELSEWHERE * len(member) and not bent(g, member) and close(g, kind, q, member)
+    )
 
 
 def rows(g: Ground, kind: int, q: Floats, member: Index) -> float:

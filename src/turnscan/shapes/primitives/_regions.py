@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from turnscan.arrays import Floats
@@ -10,7 +12,9 @@ from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._ground import TURN, Ground, Index
 from turnscan.shapes.primitives._judged import (
     HOPELESS,
+    LEAST,
     PATTERN,
+    continues,
     enough,
     fair,
     pattern,
@@ -221,6 +225,39 @@ def merged(g: Ground, regions: list[Region]) -> list[Region]:
         else:
             done.append(r)
     return done
+
+
+def continued(g: Ground, regions: list[Region], least: float) -> list[Region]:
+    """Regions with further pieces of at least ``least`` mm² that lie on their surfaces.
+
+    The far side of a bore, seen badly, is no shape by itself, but the near side says what it is.
+    """
+    label = np.full(len(g.vertices), -1, dtype=np.int64)
+    for k, r in enumerate(regions):
+        label[r.member] = k
+    out = list[Region]()
+    for k, r in enumerate(regions):
+        for piece in _pieces_on(g, r, label):
+            if len(piece) < LEAST[r.kind] // 2 or float(g.area[piece].sum()) < least:
+                continue
+            both = _joined(g, r, Region(r.kind, r.q, r.side, piece))
+            if both is not None and continues(g, r.kind, both.q, piece):
+                label[piece] = k
+                r = both
+        out.append(r)
+    return out
+
+
+def _pieces_on(g: Ground, r: Region, label: Index) -> Iterator[Index]:
+    """Connected pieces of free vertices that lie on a region's surface."""
+    on = region.Surface(r.kind, r.q, r.side)
+    seen, many = np.zeros(len(label), dtype=np.int64), len(label)
+    free = np.flatnonzero(label < 0)
+    every = region.grown(on, g.neighbourhood, region.Marks(label, seen, 1), free, TURN, many)
+    for seed in every:
+        if seen[seed] != 2:
+            marks = region.Marks(label, seen, 2)
+            yield region.grown(on, g.neighbourhood, marks, np.array([seed]), TURN, many)
 
 
 def _joined(g: Ground, a: Region, b: Region) -> Region | None:
