@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from bench._rigs import BOARD, MARGIN, PRINT, TURN, VIEWS, held_boards, said_of_boards
 from turnscan.arrays import Floats, Ints
@@ -86,6 +85,8 @@ class Drawn:
         px = stripe_of(self.rig, T, laser, board)
         white = np.sqrt(1.0 - ALONG**2) * self.dice.standard_normal(len(px))
         white[:1] /= np.sqrt(1.0 - ALONG**2)
+        from scipy.signal import lfilter  # takes a second to load
+
         noise = lfilter([STRIPES], [1.0, -ALONG], white)
         return np.column_stack([px[:, 0] + noise, px[:, 1]])
 
