@@ -95,7 +95,7 @@ test-fast: setup ## the inner loop, two to three minutes: pure rooms, contracts,
 test-interpreters: setup ## pure rooms, scan and cli on every other Python from 3.11 that is here
 	$(BIN)/python tests/interpreters.py
 
-check: frontend-check lint docs collect ## format, lint, types, import contract, module sizes, front end, docs, test modules
+check: frontend-check lint docs-check collect ## format, lint, types, import contract, module sizes, front end, docs, test modules
 
 # It needs no kernel: with -j it goes on while these are compiled.
 .PHONY: lint
@@ -156,6 +156,11 @@ accuracy: setup ## accuracy against truth, short version (by hand: python -m ben
 
 mutants: setup ## put faults into copies of the sources and say which no test notices (an hour)
 	$(BIN)/python -m bench.mutants
+
+# The tests run all notebooks; with -j it goes on while kernels are compiled.
+.PHONY: docs-check
+docs-check: $(STAMP) ## whether the documentation can be built, but for what the cells of notebooks show
+	$(BIN)/sphinx-build -j auto -q -W -D run_cells=0 -b html docs docs/_build/check
 
 docs: setup ## build the documentation into docs/_build/html
 	$(BIN)/sphinx-build -j auto -q -W -b html docs docs/_build/html

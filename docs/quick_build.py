@@ -10,6 +10,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.domains.python import ObjectEntry, PythonDomain
 from sphinx.environment import BuildEnvironment
+from sphinx.pycode.parser import Parser
 
 
 class QuickPythonDomain(PythonDomain):
@@ -82,8 +83,14 @@ def _quick_tree(app: Sphinx, page: str, template: str, context: dict[str, Any], 
     context["toctree"] = quick
 
 
+def _no_places(parser: Parser) -> None:
+    """The lines of all definitions of a module: only `sphinx.ext.viewcode` asks for them."""
+    parser.definitions = {}
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """For Sphinx."""
+    Parser.parse_definition = _no_places  # type: ignore[method-assign]
     app.add_domain(QuickPythonDomain, override=True)
     app.connect("html-page-context", _quick_tree, priority=400)  # the theme asks at 500
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

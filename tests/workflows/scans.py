@@ -45,5 +45,5 @@ def write_pictures(scan: Path, folder: Path) -> None:
         for frame in opened.frames():
             assert frame.dark is not None
             name = f"step{frame.step:03d}.png"
-            Pillow.fromarray(frame.lit).save(folder / "pictures" / name)
-            Pillow.fromarray(frame.dark).save(folder / "dark" / name)
+            Pillow.fromarray(frame.lit).save(folder / "pictures" / name, compress_level=1)
+            Pillow.fromarray(frame.dark).save(folder / "dark" / name, compress_level=1)

@@ -48,7 +48,9 @@ def folder_of(folder: Path, drawn: Drawn, count: int = 6) -> str:
     folder.mkdir(parents=True)
     for k in range(count):
         picture = drawn(k, np.random.default_rng(k))
-        Pillow.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).save(folder / f"p{k:02d}.png")
+        Pillow.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).save(
+            folder / f"p{k:02d}.png", compress_level=1
+        )
     return str(folder)
 
 
