@@ -89,9 +89,9 @@ def test_centres_at_a_depth_edge_that_are_no_place_of_the_surface_say_so() -> No
     wrong = done.swept.followed & ~done.swept.refined & (np.abs(done.before) > 0.3)
     assert wrong.sum() > 20
     claimed = rms((done.after / done.sigma_after)[wrong])
-    assert claimed < 2.5
-    # What single stripes say of themselves is not enough there.
-    assert rms((done.before / done.sigma_before)[wrong]) > 1.5 * claimed
+    assert 0.5 < claimed < 1.5
+    # Single stripes say it, too: they are narrow and faint between others.
+    assert 0.5 < rms((done.before / done.sigma_before)[wrong]) < 1.5
     # What was not refined keeps its place.
     for old, new, refined in zip(
         done.ordinary, done.swept.stripes, done.swept.refined, strict=True

@@ -15,7 +15,7 @@ from turnscan.points._build import take_steps
 from turnscan.points._creased import Widths, creased
 from turnscan.points._cut import by_width
 from turnscan.points._lit_points import LitPoints
-from turnscan.points._wholeness import _narrow, _round, wholeness
+from turnscan.points._wholeness import _faint_between, _narrow, _round, wholeness
 from turnscan.rig import rotation_z
 
 S, N = 14, 12
@@ -114,6 +114,23 @@ def test_the_usual_width_is_the_median_of_a_window_gaps_left_out(seed, reach):
     for k, j in np.argwhere(~np.isnan(width)):
         about = width[k, max(0, j - reach) : j + reach + 1]
         assert out[k, j] == pytest.approx(np.nanmedian(about), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("reach", [1, 3, 9, 40])
+def test_what_is_usual_on_both_sides_is_the_smaller_median_of_the_two(seed, reach):
+    rng = np.random.default_rng(seed)
+    value = rng.uniform(1, 2, (3, 30))
+    value[rng.random(value.shape) < 0.3] = np.nan
+    found = kernels.usual_beside(value, reach)
+    for k, row in enumerate(value):
+        for j in range(len(row)):
+            sides = [row[max(j - reach, 0) : j], row[j + 1 : j + 1 + reach]]
+            sides = [side[~np.isnan(side)] for side in sides]
+            if min(map(len, sides)):
+                assert found[k, j] == min(map(np.median, sides))
+            else:
+                assert np.isnan(found[k, j])
 
 
 def test_a_cut_gaussian_is_as_far_off_as_its_width_says():
@@ -563,6 +580,37 @@ def test_a_long_run_of_narrow_stripes_is_a_veil_where_it_is_faint(bright, doubte
     assert doubt[:, 114:122].any() == doubted
     assert not doubt[:, :100].any()
     assert not doubt[:, 136:].any()
+
+
+AIR = [
+    (0.6, 0.4, 6, True),
+    (0.6, 1.2, 6, False),  # more squarely to the light
+    (1.0, 0.4, 6, False),  # darker
+    (0.6, 0.4, 40, False),  # a face that lies so
+]
+
+
+@pytest.mark.parametrize(("narrow", "light", "many", "doubted"), AIR)
+@pytest.mark.parametrize("first", [100, 197])
+def test_profiles_that_are_narrow_and_faint_between_others_lie_in_the_air(
+    narrow, light, many, doubted, first
+):
+    """The sheet passes an edge before something further behind; also over the end of a turn."""
+    width, flux, arcs = (np.full((200, 80), v) for v in (1.3, 100.0, 0.55))
+    some = np.arange(first, first + many) % 200
+    width[some] *= narrow
+    flux[some] *= light
+    doubt = _faint_between(width, flux, arcs, 0.6, True)
+    assert (doubt[some] > 0.5).all() == doubted
+    assert doubt.any() == doubted
+    assert not _faint_between(width, flux, arcs, 0.0, True).any(), "nobody knows how far it reaches"
+
+
+def test_a_face_that_ends_narrow_and_faint_has_nothing_behind_it():
+    width, flux, arcs = (np.full((60, 80), v) for v in (1.3, 100.0, 0.55))
+    width[54:], flux[54:] = 0.8, 40.0
+    assert not _faint_between(width, flux, arcs, 0.6, False).any()
+    assert _faint_between(width, flux, arcs, 0.6, True)[54:].all(), "in a closed turn it has"
 
 
 @pytest.mark.parametrize("end", [0, -1])

@@ -80,6 +80,9 @@ _DIPS, _DIM = 2, 0.5
 less of which the stripe is taken for one that lies on none of the surfaces there."""
 _FEWEST_LINES, _MOST_LINES = 4, 200
 """Lines that such a stretch is long to either side, at least and at most."""
+_FAINT_BETWEEN, _SURE_BETWEEN = 0.75, 0.25
+"""Part of the light that profiles on either side have, with less of which narrow stripes are
+doubted, and by how much of their width these differ then."""
 _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
@@ -123,7 +126,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     of one whose middle passes by.
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), what is
     narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
-    on either side (`_dips`).
+    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`).
     """
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
@@ -133,6 +136,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     sizes = _apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
+    more = np.maximum(more, _faint_between(width, width * bright, arcs, thickness, light.closed))
     return replace(own, doubt=np.maximum(own.doubt, more - np.abs(own.shift)))
 
 
@@ -420,6 +424,43 @@ def _narrow(steadied: Floats, light: Floats, sizes: tuple[float, float]) -> Floa
         return out
 
     return np.concatenate(in_parts(part, len(steadied), -(-len(steadied) // _TOGETHER)))
+
+
+def _faint_between(
+    width: Floats, flux: Floats, arcs: Floats, thickness: float, closed: bool
+) -> Floats:
+    """(s, n) px that stripes may be off which are narrower than those of the profiles on either
+    side, and have less light (``flux`` (s, n)): each than the median of a stretch of profiles.
+
+    Where the sheet passes an edge before something further behind, it lights both for some steps,
+    and the centre goes from the one to the other through the air. Chords along that way say of each
+    of these stripes that it is as narrow as is due. Faces so narrow, and seen so badly, are rare.
+    """
+    from turnscan.points import _wholeness_kernels as kernels
+
+    usual = float(np.median(arcs[arcs > 0])) if (arcs > 0).any() else 0.0
+    if not min(usual, thickness) > 0:
+        return np.zeros_like(width)
+    size, lines = width.shape
+    far = int(np.clip(_ABOUT * thickness / usual, _FEWEST_LINES, _MOST_LINES))
+    far = min(far, size // 4)
+    rows = np.arange(-far, size + far)
+    beyond = np.zeros(len(rows), dtype=np.bool_) if closed else (rows < 0) | (rows >= size)
+
+    def beside(value: Floats) -> Floats:
+        some = value[rows % size]
+        some[beyond] = np.nan
+        return kernels.usual_beside(np.ascontiguousarray(some.T), far).T[far : far + size]
+
+    def part(first: int, end: int) -> Floats:
+        own, light = width[:, first:end], flux[:, first:end]
+        due = beside(own)
+        with np.errstate(invalid="ignore"):
+            faint = light < _FAINT_BETWEEN * beside(light)
+            off = by_width(np.minimum(own / due, 1.0), _SURE_BETWEEN) * due
+        return np.asarray(np.nan_to_num(off) * faint)
+
+    return np.concatenate(in_parts(part, lines, -(-lines // _TOGETHER)), axis=1)
 
 
 def _dips(flux: Floats, steadied: Floats) -> Floats:

@@ -94,6 +94,39 @@ def usual(width: Floats, reach: int) -> Floats:
 
 
 @njit(cache=True, nogil=True)
+def usual_beside(value: Floats, reach: int) -> Floats:
+    """(s, n) the smaller one of two medians along a row: of up to ``reach`` values before and
+    after, gaps left out; NaN where one side has none."""
+    s, n = value.shape
+    out = np.full((s, n), np.nan)
+    before, after = np.empty(reach + 2), np.empty(reach + 2)
+    for k in range(s):
+        lower = upper = 0
+        for j in range(min(reach, n)):
+            if not np.isnan(value[k, j]):
+                _put(after, upper, value[k, j])
+                upper += 1
+        for j in range(n):
+            if not np.isnan(value[k, j]):
+                _take(after, upper, value[k, j])
+                upper -= 1
+            if j + reach < n and not np.isnan(value[k, j + reach]):
+                _put(after, upper, value[k, j + reach])
+                upper += 1
+            if lower and upper:
+                a = (before[(lower - 1) // 2] + before[lower // 2]) / 2
+                b = (after[(upper - 1) // 2] + after[upper // 2]) / 2
+                out[k, j] = min(a, b)
+            if not np.isnan(value[k, j]):
+                _put(before, lower, value[k, j])
+                lower += 1
+            if j - reach >= 0 and not np.isnan(value[k, j - reach]):
+                _take(before, lower, value[k, j - reach])
+                lower -= 1
+    return out
+
+
+@njit(cache=True, nogil=True)
 def dot(a: Vector, b: Vector) -> float:
     """Their scalar product; kernels keep vectors in registers, arrays would be made on the heap."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
