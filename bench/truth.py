@@ -37,7 +37,7 @@ from turnscan.simulate import Bench, SimulationSpec, bench
 from turnscan.surface.clean import drop_islands
 from turnscan.surface.fusion import MergeMethod, merge
 
-PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove")
+PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove", "shaft", "grooves")
 RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
 WAYS: Sequence[MergeMethod] = ("grid", "tsdf", "paste")
 KNOWN = ("", ", calibrated")
