@@ -7,6 +7,7 @@ by its whole standard uncertainty, 5 mm or 2°; the signs change from seed to se
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -54,24 +55,23 @@ PARTS = {
 """What is scanned of known shape."""
 
 
-def figures(quick: bool) -> list[Figure]:
-    """By what is said of the part; drawn parts but for ``quick``."""
+def figures(quick: bool) -> Iterator[Figure]:
+    """By what is said of the part, as soon as it is measured; drawn parts but for ``quick``."""
     seeds = range(2 if quick else 5)
     true = bench(SimulationSpec("sphere", "modern", lasers=2)).rig
-    out = []
     for way, sizes in WAYS:
         done = [_refined(true, BALL, wrong_rig(true, seed), seed, sizes) for seed in seeds]
-        out += _lines(true, done, way)
+        yield from _lines(true, done, way)
     far = [_refined(true, HEXAGON, wrong_rig(true, seed), seed, None) for seed in seeds]
     refused = sum(one is None for one in far)
     told = f"{refused} of {len(far)}"
-    out.append(Figure(f"refused by name, {SHAPELESS}", "all", told, refused == len(far)))
+    yield Figure(f"refused by name, {SHAPELESS}", "all", told, refused == len(far))
     way = f"{SHAPELESS}, the lasers known"
     beside = [table_unknown(true, seed) for seed in seeds]
-    out += _lines(true, [_refined(true, HEXAGON, r, s, None) for s, r in enumerate(beside)], way)
+    done = [_refined(true, HEXAGON, rig, seed, None) for seed, rig in enumerate(beside)]
+    yield from _lines(true, done, way)
     for name, mesh in () if quick else PARTS.items():
-        out += _by_drawing(name, mesh, seeds)
-    return out
+        yield from _by_drawing(name, mesh, seeds)
 
 
 def _by_drawing(name: str, mesh: Mesh, seeds: range) -> list[Figure]:

@@ -25,7 +25,7 @@ from turnscan.calibrate import (
 from turnscan.calibrate._angle import markers_off, table_angle
 from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._light import _along_lines
-from turnscan.calibrate._select import on_board, on_platter
+from turnscan.calibrate._select import NEAR_PX, _most_near, on_board, on_platter
 from turnscan.errors import FormatError, InputError
 from turnscan.rig import Pose, rotation_from_vector, rotation_z
 from turnscan.stripes import Orientation
@@ -157,6 +157,29 @@ def test_the_stripe_on_a_board_and_not_the_clutter() -> None:
     truth = np.interp(kept[:, 1], line[:, 1], line[:, 0])
     assert len(kept) > 100
     assert 0.01 < float(np.sqrt(np.mean((kept[:, 0] - truth) ** 2))) < 0.35
+
+
+def test_the_line_with_most_points_near_is_the_first_of_those_with_as_many() -> None:
+    dice = np.random.default_rng(4)
+    points = np.arange(900.0)[:, None] * (0.1, 1.0) + dice.normal(0.0, 0.4, (900, 2))
+    points[::5, 0] += dice.uniform(-80.0, 80.0, 180)
+    on = dice.permutation(points)[:400]
+    lean = 0.1 + dice.normal(0.0, 0.003, 400)
+    across = np.stack([np.ones(400), -lean], axis=1) / np.hypot(1.0, lean)[:, None]
+    near = np.array([np.abs((points - p) @ n) < NEAR_PX for p, n in zip(on, across, strict=True)])
+    count = near.sum(axis=1)
+    best = int(np.argmax(count))
+    assert best > 100  # not among the lines that are tried at once with the first
+    assert 600 < count[best] < 760
+    assert np.array_equal(_most_near(points, on, across), near[best])
+    # Two stripes of as many points, far apart, each with a line of its own: the first line counts.
+    twice = np.vstack([points, points + (1000.0, 0.0)])
+    lines = np.vstack([on, on[best] + (1000.0, 0.0)])
+    level = np.vstack([across, across[best]])
+    first = _most_near(twice, lines, level)
+    last = _most_near(twice, lines[::-1], level[::-1])
+    assert np.array_equal(first, np.concatenate([near[best], np.zeros(900, dtype=bool)]))
+    assert np.array_equal(last, np.concatenate([np.zeros(900, dtype=bool), near[best]]))
 
 
 def test_a_stripe_on_the_platter_is_not_taken_where_it_lies_on_a_marker() -> None:

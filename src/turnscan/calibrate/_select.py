@@ -21,6 +21,8 @@ _LEAST_PX = 0.3
 _GAP = 0.25  # of the length: a stripe that pauses longer than this is two stripes
 _DENSE = 0.4  # of the lines between its ends must show the stripe
 _AS_LONG = 0.9  # of a stripe as it was found: on the print, no piece of it may be lost
+_AT_ONCE = 32768
+"""Distances of points from lines that are held at once: 256 KiB."""
 _CLEAR = 1.35  # a marker's printed square and the blur around it, in sides
 
 
@@ -135,9 +137,7 @@ def _consensus(points: Floats) -> Bools:
         return np.zeros(len(points), dtype=bool)
     a, along = a[long], along[long] / length[long, None]
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    off = np.abs(across @ points.T - (across * a).sum(axis=1)[:, None])
-    keep: Bools
-    keep = off[(off < NEAR_PX).sum(axis=1).argmax()] < NEAR_PX
+    keep = _most_near(points, a, across)
     for _ in range(4):
         centre = points[keep].mean(axis=0)
         axes = np.linalg.svd(points[keep] - centre, full_matrices=False)[2]
@@ -148,6 +148,25 @@ def _consensus(points: Floats) -> Bools:
             break
         keep &= _longest_run((points - centre) @ axes[0], keep)
     return keep
+
+
+def _most_near(points: Floats, on: Floats, across: Floats) -> Bools:
+    """Points (n, 2) near that one of the lines which has most of them near, the first of several.
+
+    The lines go through ``on`` (m, 2) with the unit normals ``across`` (m, 2). Some are tried at a
+    time, as many as the processor's cache holds the distances of.
+    """
+    level = (across * on).sum(axis=1)
+    best, most = np.zeros(len(points), dtype=bool), -1
+    some = max(1, _AT_ONCE // len(points))
+    for first in range(0, len(on), some):
+        off = across[first : first + some] @ points.T
+        off -= level[first : first + some, None]
+        near = np.abs(off, out=off) < NEAR_PX
+        count = np.bitwise_count(np.packbits(near, axis=1)).sum(axis=1)
+        if count.max() > most:
+            best, most = near[count.argmax()], int(count.max())
+    return best
 
 
 def _longest_run(place: Floats, keep: Bools) -> Bools:
