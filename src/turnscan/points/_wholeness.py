@@ -83,6 +83,9 @@ _FEWEST_LINES, _MOST_LINES = 4, 200
 _FAINT_BETWEEN, _SURE_BETWEEN = 0.75, 0.25
 """Part of the light that profiles on either side have, with less of which narrow stripes are
 doubted, and by how much of their width these differ then."""
+_REACHED = 2.5
+"""Thicknesses of the sheet within which it lights something still: over longer steps no profile
+lies between two that see both sides of an edge."""
 _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
@@ -435,6 +438,7 @@ def _faint_between(
     Where the sheet passes an edge before something further behind, it lights both for some steps,
     and the centre goes from the one to the other through the air. Chords along that way say of each
     of these stripes that it is as narrow as is due. Faces so narrow, and seen so badly, are rare.
+    Nothing of the kind where a step (``arcs`` (s, n) mm) leads out of the sheet.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -457,6 +461,7 @@ def _faint_between(
         due = beside(own)
         with np.errstate(invalid="ignore"):
             faint = light < _FAINT_BETWEEN * beside(light)
+            faint &= arcs[:, first:end] < _REACHED * thickness
             off = by_width(np.minimum(own / due, 1.0), _SURE_BETWEEN) * due
         return np.asarray(np.nan_to_num(off) * faint)
 
