@@ -137,6 +137,26 @@ def test_points_that_scatter_more_at_one_end_are_not_all_counted_alike() -> None
     assert off[1].max() > 0.2, "as if all scattered alike"
 
 
+@pytest.mark.parametrize(("count", "turns"), [(48, 10), (120, 30)])
+def test_of_lines_that_repeat_nothing_a_ball_is_as_certain_as_its_points(
+    count: int, turns: int
+) -> None:
+    """Few lines, by chance, seem to repeat much: the uncertainty is not made larger for that."""
+    dice = np.random.default_rng(31)
+    up = np.repeat(np.arcsin(np.linspace(-0.8, 0.8, count)), turns)
+    round_ = np.tile(np.arange(turns) * 2 * np.pi / turns, count)
+    out = np.column_stack([np.cos(up) * np.cos(round_), np.cos(up) * np.sin(round_), np.sin(up)])
+    lines = np.repeat(np.arange(count), turns)
+    z = []
+    for _ in range(200):
+        points = (20.0 + dice.normal(0.0, 0.02, len(out)))[:, None] * out
+        found = ball_at(Survey(points, lines=lines), np.zeros(3), 20.0).sphere
+        error = np.array([*found.centre, found.radius - 20.0])
+        z.append(error / np.sqrt(np.diag(found.covariance)))
+    # 800 values know an rms to 2.5 %; what neighbours share is never said to be less than nothing.
+    assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.08
+
+
 @pytest.mark.parametrize("block", [1, 4])
 def test_what_a_line_repeats_in_all_profiles_does_not_average_out(block: int) -> None:
     """A ball on the axis, each line of which (or each four) is off alike at all 30 steps."""

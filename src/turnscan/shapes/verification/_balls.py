@@ -116,15 +116,14 @@ def _scattered(out: Floats, residual: Floats, shared: float, lines: Longs | None
 
     From each point's own residual (n,), for those that are seen at an angle, or far away, scatter
     more than others (H. White, A heteroskedasticity-consistent covariance matrix, 1980); ``shared``
-    times as much for what neighbours share, and with what lines (n,) repeat.
+    times as much for what neighbours share, and with what lines (n,) are seen to repeat.
     """
     J = np.column_stack([-out / np.linalg.norm(out, axis=1)[:, None], -np.ones(len(out))])
     back = np.linalg.pinv(J)
     share = len(out) / (len(out) - J.shape[1])
     alone: Floats = share * (back * residual**2) @ back.T
-    if lines is None:
-        return shared * alone
-    return with_lines(shared * alone, alone, line_covariance(back, residual, lines))
+    by_lines = None if lines is None else line_covariance(J, residual, lines)
+    return shared * alone if by_lines is None else with_lines(shared * alone, alone, by_lines)
 
 
 def ball_moves(survey: Survey, ball: Ball, some: Index) -> tuple[Floats, Floats]:

@@ -16,6 +16,9 @@ _TAIL = 20
 NEAR_LINES = 8
 """Lines over which the same error may lie, less so the farther apart: JPEG has blocks of 8."""
 
+_BY_CHANCE = 1.645
+"""Standard deviations that a normal value exceeds in one case of twenty."""
+
 _FAR, _NODES = 9.0, 1801
 """Standard deviations beyond which nothing lies, and nodes of an integral up to there."""
 
@@ -87,30 +90,67 @@ def clumping(residual: Floats, cell: np.ndarray, free: int) -> float:
     return max(1.0, float((count[used] * mean**2).sum()) / (spread * (int(used.sum()) - free)))
 
 
-def line_covariance(back: Floats, residual: Floats, lines: Longs) -> Floats:
+def line_covariance(J: Floats, residual: Floats, lines: Longs) -> Floats | None:
     """(p, p): covariance of fitted parameters, where the residuals of a line of the picture, and of
-    lines near it, may be the same in all profiles.
+    lines near it, are the same in all profiles; None where no more is seen of that than chance
+    makes in 19 of 20 fits whose points share nothing.
 
-    ``back`` (p, n) is the parameters' slope by each residual (n,). What the pixels of a line, its
-    rounding, compression or filter do to the stripe of a round part on the axis is repeated at each
-    step and does not average out over them. So the moves of each line are added up with their signs
-    over all profiles, and with those of lines up to `NEAR_LINES` away with a weight that falls off
-    (J. C. Driscoll and A. C. Kraay, Consistent covariance matrix estimation with spatially
-    dependent panel data, 1998, with the lines for the periods of time). The fit takes some of what
-    so many pieces of lines do into its parameters, and the residuals lack it.
+    ``J`` (n, p) is the slope of each residual (n,) by the parameters. What the pixels of a line,
+    its rounding, compression or filter do to the stripe of a round part on the axis is repeated at
+    each step and does not average out over them. So the moves of each line are added up with their
+    signs over all profiles, and with those of lines up to `NEAR_LINES` away with a weight that
+    falls off (J. C. Driscoll and A. C. Kraay, Consistent covariance matrix estimation with
+    spatially dependent panel data, 1998, with the lines for the periods of time). The fit takes
+    some of what so many pieces of lines do into its parameters, and the residuals lack it. Such a
+    sum over a few pieces is large by chance, too, and the larger for what it is given back.
     """
     seen, place = np.unique(lines, return_inverse=True)
+    back = np.asarray(np.linalg.pinv(J), dtype=np.float64)
     sums = [np.bincount(place, b * residual, len(seen)) for b in back]
     moves = np.array(sums, dtype=np.float64)
-    total: Floats = moves @ moves.T
-    for lag in range(1, NEAR_LINES):
-        there = np.searchsorted(seen, seen + lag)
-        pairs = np.flatnonzero(seen[np.minimum(there, len(seen) - 1)] == seen + lag)
-        both = moves[:, pairs] @ moves[:, there[pairs]].T
-        total += (1.0 - lag / NEAR_LINES) * (both + both.T)
+    near = np.maximum(1.0 - np.abs(seen[:, None] - seen) / NEAR_LINES, 0.0)
+    total: Floats = moves @ near @ moves.T
+    if not _repeats(total, _by_line(J, back, residual, place), near):
+        return None
     pieces = len(seen) / NEAR_LINES
     share: Floats = total * (pieces / max(pieces - len(back), 1.0))
     return share
+
+
+def _by_line(J: Floats, back: Floats, residual: Floats, place: Longs) -> tuple[Floats, Floats]:
+    """(m, p, p) each, of m lines: the covariance that a line's points (n,) give parameters if they
+    share nothing, and its part of the fit, ``back`` times ``J``."""
+
+    def added(left: Floats, right: Floats) -> Floats:
+        pairs = (left[:, None] * right).reshape(-1, len(place))
+        each = np.array([np.bincount(place, pair) for pair in pairs])
+        return np.ascontiguousarray(each.T).reshape(-1, len(left), len(right))
+
+    share = len(J) / (len(J) - J.shape[1])
+    return added(back, share * residual**2 * back), added(back, J.T)
+
+
+def _repeats(total: Floats, by_line: tuple[Floats, Floats], near: Floats) -> bool:
+    """Whether moves (p, p) of lines, added up with the weights ``near`` (m, m), are more than
+    points make that share nothing: by expectation and standard deviation of their trace.
+
+    Of residuals r = (I − J B) ε with independent ε, the moves of lines i and j have the covariance
+    δᵢⱼ Sᵢ − Sᵢ Aⱼᵀ − Aᵢ Sⱼ + Aᵢ S Aⱼᵀ, Sᵢ and Aᵢ as `_by_line` gives them, S the sum of Sᵢ. For
+    the standard deviation what the fit takes is left out.
+    """
+    alone, fit = by_line
+    whole = alone.sum(axis=0)
+    values, ways = np.linalg.eigh(whole)
+    if not values[0] > 0:
+        return False
+    unit = (ways / np.sqrt(values)).T  # parameters of unit variance that go together in nothing
+    around = np.einsum("ij,jab->iab", near, fit)
+    taken = np.einsum("iab,icb->ac", alone, around)
+    free = whole - taken - taken.T + np.einsum("iab,bc,idc->ad", fit, whole, around)
+    S = unit @ alone @ unit.T
+    spread = np.sqrt(2.0 * np.sum(near**2 * np.einsum("iab,jab->ij", S, S)))
+    seen, chance = (float(np.trace(unit @ C @ unit.T)) for C in (total, free))
+    return seen > chance + _BY_CHANCE * float(spread)
 
 
 def with_lines(by_cells: Floats, alone: Floats, by_lines: Floats) -> Floats:
