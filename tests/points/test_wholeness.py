@@ -604,7 +604,7 @@ def test_profiles_that_are_narrow_and_faint_between_others_lie_in_the_air(
     assert (doubt[some] > 0.5).all() == doubted
     assert doubt.any() == doubted
     assert not _faint_between(width, flux, arcs, 0.0, True).any(), "nobody knows how far it reaches"
-    assert not _faint_between(width, flux, arcs, 0.2, True).any(), "not from one step to the next"
+    assert not _faint_between(width, flux, arcs, 0.13, True).any(), "not from one step to the next"
 
 
 def test_a_face_that_ends_narrow_and_faint_has_nothing_behind_it():

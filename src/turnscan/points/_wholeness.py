@@ -83,9 +83,9 @@ _FEWEST_LINES, _MOST_LINES = 4, 200
 _FAINT_BETWEEN, _SURE_BETWEEN = 0.75, 0.25
 """Part of the light that profiles on either side have, with less of which narrow stripes are
 doubted, and by how much of their width these differ then."""
-_REACHED = 2.5
-"""Thicknesses of the sheet within which it lights something still: over longer steps no profile
-lies between two that see both sides of an edge."""
+_REACHED = 4.0
+"""Thicknesses, rms, of the sheet that are all of it: over longer steps no profile lies between two
+that see the one and the other side of an edge."""
 _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
