@@ -24,11 +24,11 @@ COMMA := ,
 EXTRAS := dev$(if $(IN_CI),$(COMMA)genicam$(COMMA)cad$(COMMA)gige)
 
 # pip would compile on one processor; some packages hold files that are no Python. Their own tests,
-# a fifth of it all, nobody runs.
+# a fifth of it all, nobody runs; of tools that run by themselves Python loads little or nothing.
 $(STAMP): pyproject.toml constraints.txt | $(if $(IN_CI),system)
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --no-compile -e '.[$(EXTRAS)]'
-	@$(BIN)/python -m compileall -q -j 0 -x '/tests/' $(VENV)/lib >/dev/null || :
+	@$(BIN)/python -m compileall -q -j 0 -x '/(tests|pip|setuptools|mypyc?|fontTools|tornado)/' $(VENV)/lib >/dev/null || :
 	touch $@
 
 # It compiles what the sources of the kernels say, and takes a second where these did not change.

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -98,17 +101,101 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("scans")
 
 
+class Forker:
+    """`tests.app.e2e.forked`: starts servers that have loaded turnscan already."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._many = 0
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.app.e2e.forked"], cwd=Path(__file__).parents[3],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def start(self, *argv: str) -> Forked:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._many += 1
+        said = self._folder / f"said-{self._many}"
+        said.touch()
+        print(json.dumps({"argv": argv, "said": str(said)}), file=self._process.stdin, flush=True)
+        return Forked(int(self._process.stdout.readline()), said)
+
+    def close(self) -> None:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.close()
+        self._process.wait(30)
+        self._process.stdout.close()
+
+
+class Forked:
+    """A process that is a child of another; as `subprocess.Popen` where it has the same names."""
+
+    stdout = None
+
+    def __init__(self, pid: int, said: Path) -> None:
+        self._pid, self._said = pid, said
+
+    def readline(self) -> str:
+        """The first line that it prints; what there is of it where it has ended."""
+        end = time.monotonic() + DEADLINE
+        while "\n" not in (text := self._said.read_text()):
+            if self._gone() or time.monotonic() > end:
+                break
+            time.sleep(0.02)
+        return text.partition("\n")[0]
+
+    def send_signal(self, number: int) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._pid, number)
+
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def wait(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while not self._gone():
+            if time.monotonic() > end:
+                raise subprocess.TimeoutExpired(["turnscan"], seconds)
+            time.sleep(0.02)
+
+    def _gone(self) -> bool:
+        try:
+            os.kill(self._pid, 0)
+        except ProcessLookupError:
+            return True
+        return False
+
+
+@pytest.fixture(scope="package")
+def forker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Forker]:
+    made = Forker(tmp_path_factory.mktemp("servers"))
+    yield made
+    made.close()
+
+
 class Server:
     """``turnscan app`` as a process of its own, and the cookie of one browser."""
+
+    process: Any
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._start()
 
     def _start(self) -> None:
-        command = [sys.executable, "-m", "turnscan", "app", str(self._folder), "--no-browser"]
+        command = [sys.executable, "-m", "turnscan", *self._words()]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        link = self.process.stdout.readline() if self.process.stdout else ""
+        self._greeted(self.process.stdout.readline())
+
+    def _words(self) -> tuple[str, ...]:
+        return ("app", str(self._folder), "--no-browser")
+
+    def _greeted(self, link: str) -> None:
         if not link.startswith("turnscan: http://127.0.0.1:"):
             self.end()
             pytest.fail(f"the server did not start: {link!r}")
@@ -136,9 +223,21 @@ class Server:
         self._ended()
 
 
+class ForkedServer(Server):
+    """The same, by a process that has loaded turnscan (commands: tests/web/test_ending.py)."""
+
+    def __init__(self, folder: Path, forker: Forker) -> None:
+        self._forker = forker
+        super().__init__(folder)
+
+    def _start(self) -> None:
+        self.process = self._forker.start(*self._words())
+        self._greeted(self.process.readline())
+
+
 @pytest.fixture(scope="module")
-def server(folder: Path) -> Iterator[Server]:
-    started = Server(folder)
+def server(folder: Path, forker: Forker) -> Iterator[Server]:
+    started = ForkedServer(folder, forker)
     yield started
     started.end()
 
