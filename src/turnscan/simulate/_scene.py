@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints, frozen
+from turnscan.arrays import Bools, Floats, Ints, Singles, frozen
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, components
 from turnscan.rig import Pose
@@ -89,25 +89,53 @@ class Texture:
         for name in ("corner", "right", "down"):
             put(self, name, frozen(getattr(self, name), (3,), f"Texture.{name}"))
 
+    def places(self, points: Floats) -> tuple[Singles, Singles, Bools]:
+        """Columns and rows (n,) of the picture at points (n, 3) in the body's frame, and which lie
+        off the print's plane: on other sides of the body."""
+        h, w = self.picture.shape
+        d = points - self.corner
+        normal = np.cross(self.right, self.down)
+        off: Bools = np.abs(d @ (normal / np.linalg.norm(normal))) > _INK_DEEP
+        x = (d @ self.right / (self.right @ self.right) * w - 0.5).astype(np.float32)
+        y = (d @ self.down / (self.down @ self.down) * h - 0.5).astype(np.float32)
+        return x, y, off
+
     def at(self, points: Floats) -> Floats:
         """Reflectance (n,) at points (n, 3) in the body's frame; 1 off the print and behind it."""
         import cv2
 
-        h, w = self.picture.shape
-        d = points - self.corner
-        normal = np.cross(self.right, self.down)
-        off = np.abs(d @ (normal / np.linalg.norm(normal))) > _INK_DEEP
-        x = (d @ self.right / (self.right @ self.right) * w - 0.5).astype(np.float32)
-        y = (d @ self.down / (self.down @ self.down) * h - 0.5).astype(np.float32)
-        paper = self.picture.astype(np.float32)
+        x, y, off = self.places(points)
         out = np.empty(len(points))
         for i in range(0, len(points), 16384):  # OpenCV's remap takes at most 32767 rows
             part = cv2.remap(
-                paper, x[i : i + 16384, None], y[i : i + 16384, None], cv2.INTER_LINEAR,
+                self._paper, x[i : i + 16384, None], y[i : i + 16384, None], cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_CONSTANT, borderValue=1.0,
             )  # fmt: skip
             out[i : i + 16384] = part[:, 0]
         return np.where(off, 1.0, out)
+
+    def room(self, x: Singles, y: Singles) -> Singles:
+        """(n,) pixels of the picture to each side of a place within which there is one tone."""
+        h, w = self.picture.shape
+        beyond = np.maximum(np.maximum(-x, x - (w - 1)), np.maximum(-y, y - (h - 1)))
+        column = np.clip(np.rint(x), 0, w - 1).astype(int)
+        row = np.clip(np.rint(y), 0, h - 1).astype(int)
+        return np.asarray(np.where(beyond > 0, beyond, self._plain[row, column]), np.float32)
+
+    @cached_property
+    def _paper(self) -> Singles:
+        return self.picture.astype(np.float32)
+
+    @cached_property
+    def _plain(self) -> Singles:
+        """(h, w) pixels to the nearest one beside which there is another tone."""
+        import cv2
+
+        paper = cv2.copyMakeBorder(self._paper, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1.0)
+        around = np.ones((3, 3), np.uint8)
+        alike = cv2.dilate(paper, around) == cv2.erode(paper, around)
+        far = cv2.distanceTransform(alike[1:-1, 1:-1].astype(np.uint8), cv2.DIST_C, 3)
+        return np.asarray(far, np.float32)
 
 
 @dataclass(frozen=True)

@@ -125,24 +125,44 @@ class View:
         dim = bench.scene.background * bench.scene.sky / math.pi
         scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
         out = np.full((shape[0] * shape[1], shape[2]), dim * scale, np.float32)
-        printed = [i for i, b in enumerate(bench.scene.bodies) if b.texture is not None]
         places = np.flatnonzero(self.seen(T) >= 0)
         strip = _STRIP * camera.width
+        body, points = np.empty(len(places), np.int32), np.empty((len(places), 3))
         for start in range(0, len(places), strip):
-            k = places[start : start + strip]
-            out[k], body = self._lamp_pixels(T, k, 1)
-            if printed:
-                # A print has detail finer than a pixel.
-                k = k[np.isin(body, printed)]
-                out[k], _ = self._lamp_pixels(T, k, _PRINT_SAMPLES)
+            rows = slice(start, start + strip)
+            k = places[rows]
+            out[k], body[rows], points[rows] = self._lamp_pixels(T, k, 1)
+        detailed = self._detailed(places, body, points, out[places, 0])
+        for start in range(0, len(detailed), strip):
+            k = detailed[start : start + strip]
+            out[k] = self._lamp_pixels(T, k, _PRINT_SAMPLES)[0]
         picture = out.reshape(shape)
         if bench.waves != "rays":
             soft = [max(_AIRY_SIGMA * g, 0.05) for g in bench.grain]
             picture = cv2.GaussianBlur(picture, (0, 0), soft[1], sigmaY=soft[0]).reshape(shape)
         return picture
 
-    def _lamp_pixels(self, T: Pose, k: npt.NDArray[np.intp], fine: int) -> tuple[Singles, Ints]:
-        """Electrons per second of some pixels, ``fine`` × ``fine`` rays each, and their bodies."""
+    def _detailed(
+        self, places: npt.NDArray[np.intp], body: Ints, points: Floats, light: Singles
+    ) -> npt.NDArray[np.intp]:
+        """Those of the pixels ``places`` that see a print whose tone or light changes there."""
+        from turnscan.simulate._print import plain
+
+        camera, out = self.bench.rig.camera, [places[:0]]
+        for i, b in enumerate(self.bench.scene.bodies):
+            if b.texture is not None:
+                own = np.flatnonzero(body == i)
+                there = b.T_table_part.inverse().apply(points[own])
+                size = (camera.height, camera.width)
+                alike = plain(b.texture, there, places[own], light[own], size)
+                out.append(places[own[~alike]])
+        return np.concatenate(out)
+
+    def _lamp_pixels(
+        self, T: Pose, k: npt.NDArray[np.intp], fine: int
+    ) -> tuple[Singles, Ints, Floats]:
+        """Electrons per second of some pixels, ``fine`` × ``fine`` rays each, and the body and the
+        point that the first ray of each meets."""
         from turnscan.simulate import _rays
 
         bench, tri = self.bench, self._tri
@@ -166,7 +186,8 @@ class View:
         radiance *= np.float32(scale) * field4[:, None]
         if fine > 1:
             radiance = radiance.reshape(len(k), fine * fine, colours).mean(axis=1)
-        return np.asarray(radiance, dtype=np.float32), body[:: fine * fine]
+        each = slice(None, None, fine * fine)
+        return np.asarray(radiance, dtype=np.float32), body[each], points[each]
 
     def _irradiance(self, face: Ints, points: Floats, normals: Floats, T: Pose) -> Floats:
         """W/mm² of sky and lamp on points of faces, object frame; 0 where there is no face."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, handed_over
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.points import (
     Along,
@@ -121,11 +121,17 @@ def _strips(grid: RangeGrid, origin: Origin, tears: TearLimits) -> Ints:
 
 
 def _behind(grid: RangeGrid) -> Bools:
-    return np.zeros(grid.flags.shape, np.bool_) if grid.behind is None else grid.behind
+    """Read-only either way, for which kernels are compiled once."""
+    if grid.behind is None:
+        return handed_over(np.zeros(grid.flags.shape, np.bool_))
+    return grid.behind
 
 
 def _eyes(grid: RangeGrid) -> Floats:
-    return np.full((len(grid.steps), 3), np.nan) if grid.eyes is None else grid.eyes
+    """Read-only either way."""
+    if grid.eyes is None:
+        return handed_over(np.full((len(grid.steps), 3), np.nan), nan=True)
+    return grid.eyes
 
 
 def _quads(grid: RangeGrid, tears: TearLimits) -> Ints:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Longs
+from turnscan.arrays import Bools, Floats, Longs, handed_over
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, without
 from turnscan.remedy import Option, Remedy
@@ -267,8 +267,9 @@ def _links(grid: RangeGrid, c: Clean) -> tuple[Bools, Bools]:
     from turnscan.surface.clean import _clean_kernels as kernels
 
     s, n = grid.flags.shape
-    side = np.zeros((s, n), dtype=np.bool_) if grid.behind is None else grid.behind
-    eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
+    # Read-only either way: the kernel is compiled once.
+    side = handed_over(np.zeros((s, n), np.bool_)) if grid.behind is None else grid.behind
+    eyes = handed_over(np.full((s, 3), np.nan), nan=True) if grid.eyes is None else grid.eyes
     sigma = noise(grid)
     usual = spacing(grid)
     closed = grid.closed and s >= 3

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, handed_over
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
@@ -96,7 +96,9 @@ def _offsets(
 def _measured(grid: RangeGrid) -> Measured:
     from turnscan.surface.clean import _denoise_kernels as kernels
 
-    side = np.zeros(grid.flags.shape, dtype=np.bool_) if grid.behind is None else grid.behind
+    # Read-only either way: the kernels are compiled once.
+    none = handed_over(np.zeros(grid.flags.shape, np.bool_))
+    side = none if grid.behind is None else grid.behind
     return kernels.Measured(grid.points, side, _eyes(grid), noise(grid))
 
 
