@@ -442,10 +442,10 @@ def _faint_between(
     """
     from turnscan.points import _wholeness_kernels as kernels
 
-    usual = float(np.median(arcs[arcs > 0])) if (arcs > 0).any() else 0.0
-    if not min(usual, thickness) > 0:
-        return np.zeros_like(width)
     size, lines = width.shape
+    usual = float(np.median(arcs[arcs > 0])) if (arcs > 0).any() else 0.0
+    if not min(usual, thickness) > 0 or size < 4:
+        return np.zeros_like(width)
     far = int(np.clip(_ABOUT * thickness / usual, _FEWEST_LINES, _MOST_LINES))
     far = min(far, size // 4)
     rows = np.arange(-far, size + far)

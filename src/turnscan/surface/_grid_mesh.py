@@ -105,7 +105,7 @@ def _faces(grid: RangeGrid, tears: TearLimits) -> tuple[Floats, Ints, Ints]:
     s, n = grid.flags.shape
     faces = _quads(grid, tears) if grid.origin is None else _strips(grid, grid.origin, tears)
     points = grid.points.reshape(s * n, 3)
-    if _inward(points, faces, _eyes(grid), n) < 0:
+    if _inward(points, faces, eyes_of(grid), n) < 0:
         faces = np.ascontiguousarray(faces[:, ::-1])
     flat, faces = kernels.compact(faces, s * n)
     return points[flat], faces, flat
@@ -116,19 +116,20 @@ def _strips(grid: RangeGrid, origin: Origin, tears: TearLimits) -> Ints:
     from turnscan.surface import _strip_kernels as kernels
 
     used = kernels.used_vertices(_quads(origin.grid, tears), *origin.grid.flags.shape)
-    faces: Ints = kernels.zipped(grid.points, origin.lines, _behind(grid), used)
+    faces: Ints = kernels.zipped(grid.points, origin.lines, behind_of(grid), used)
     return faces
 
 
-def _behind(grid: RangeGrid) -> Bools:
-    """Read-only either way, for which kernels are compiled once."""
+def behind_of(grid: RangeGrid) -> Bools:
+    """(s, n) `RangeGrid.behind`, False all over where the grid has none; read-only either way, for
+    which kernels are compiled once."""
     if grid.behind is None:
         return handed_over(np.zeros(grid.flags.shape, np.bool_))
     return grid.behind
 
 
-def _eyes(grid: RangeGrid) -> Floats:
-    """Read-only either way."""
+def eyes_of(grid: RangeGrid) -> Floats:
+    """(s, 3) mm: `RangeGrid.eyes`, NaN where the grid has none; read-only either way."""
     if grid.eyes is None:
         return handed_over(np.full((len(grid.steps), 3), np.nan), nan=True)
     return grid.eyes
@@ -138,7 +139,7 @@ def _quads(grid: RangeGrid, tears: TearLimits) -> Ints:
     """(f, 3) faces of a grid as it was measured, in its own winding, of flat indices."""
     from turnscan.surface import _grid_kernels as kernels
 
-    side = _behind(grid)
+    side = behind_of(grid)
     closed = grid.closed and len(grid.steps) >= 3
     to_step, to_line = kernels.edges(grid.points, side, closed)
     step, line = (np.maximum(even, 1e-12) for even in spacing(grid))
@@ -158,7 +159,7 @@ def _quads(grid: RangeGrid, tears: TearLimits) -> Ints:
         kernels.lead_on(grid.points, to_step, closed, _BEND),
     )
     limits = kernels.Limits(tears.stretch, tears.jump, float(np.cos(tears.grazing)))
-    measured = kernels.Measured(grid.points, believed, sigma, side, _eyes(grid))
+    measured = kernels.Measured(grid.points, believed, sigma, side, eyes_of(grid))
 
     def part(first: int, end: int) -> Ints:
         faces: Ints = kernels.triangulate(measured, sides, closed, limits, (first, end))

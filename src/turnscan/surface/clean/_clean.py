@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Longs, handed_over
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, without
 from turnscan.remedy import Option, Remedy
 from turnscan.stripes import StripeFlag
+from turnscan.surface._grid_mesh import behind_of, eyes_of
 from turnscan.surface._noise import noise, spacing
 from turnscan.surface.clean._despike import despike
 from turnscan.threads import in_parts
@@ -266,10 +267,8 @@ def _shifted(values: Bools, lines: int) -> Bools:
 def _links(grid: RangeGrid, c: Clean) -> tuple[Bools, Bools]:
     from turnscan.surface.clean import _clean_kernels as kernels
 
-    s, n = grid.flags.shape
-    # Read-only either way: the kernel is compiled once.
-    side = handed_over(np.zeros((s, n), np.bool_)) if grid.behind is None else grid.behind
-    eyes = handed_over(np.full((s, 3), np.nan), nan=True) if grid.eyes is None else grid.eyes
+    s = len(grid.flags)
+    side, eyes = behind_of(grid), eyes_of(grid)
     sigma = noise(grid)
     usual = spacing(grid)
     closed = grid.closed and s >= 3

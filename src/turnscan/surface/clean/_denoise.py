@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, handed_over
+from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
+from turnscan.surface._grid_mesh import behind_of
 from turnscan.surface._noise import noise
 
 if TYPE_CHECKING:
@@ -96,10 +97,7 @@ def _offsets(
 def _measured(grid: RangeGrid) -> Measured:
     from turnscan.surface.clean import _denoise_kernels as kernels
 
-    # Read-only either way: the kernels are compiled once.
-    none = handed_over(np.zeros(grid.flags.shape, np.bool_))
-    side = none if grid.behind is None else grid.behind
-    return kernels.Measured(grid.points, side, _eyes(grid), noise(grid))
+    return kernels.Measured(grid.points, behind_of(grid), _eyes(grid), noise(grid))
 
 
 def _eyes(grid: RangeGrid) -> Floats:
