@@ -666,3 +666,21 @@ def test_a_sheet_of_another_thickness_than_the_rig_states_is_found_by_the_widths
     assert len(grid_findings(unknown, unknown, Volume(), "", 0.1)) == len(
         grid_findings(grid, grid, Volume())
     )
+
+
+@pytest.mark.parametrize(
+    ("steps", "stated", "narrowest"),
+    [(180, 0.5, "2.0"), (45, 0.5, ""), (180, 0.2, ""), (180, None, "")],
+)
+def test_details_narrower_than_the_light_are_named_where_profiles_are_close(
+    steps, stated, narrowest
+):
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = full_turn(steps)
+    grid = build_grid(
+        rig, "L0", scan_shape(rig, sphere(20.0, (0, 0, 25)), angles), range(steps), angles
+    )
+    found = grid_findings(grid, grid, Volume(), "", stated)
+    said = [f.message for f in found if f.code == "points.detail"]
+    assert bool(said) == bool(narrowest)
+    assert all(f"narrower than {narrowest} mm" in text for text in said)

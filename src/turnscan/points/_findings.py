@@ -20,6 +20,8 @@ _SHARE = 0.05
 _UNLIKE = 1.5
 """Times: two thicknesses of one sheet agree within it. Widths tell it to a tenth (simulated parts),
 boards to a quarter."""
+_RESOLVED = 4.0
+"""Thicknesses (rms) of the light, nearly all of it: what is narrower lies in it as a whole."""
 _UNEVEN = 0.2
 """Spread of the steps, as a part of the usual step, from which they are worth a word."""
 _WORDS = (
@@ -79,6 +81,7 @@ def grid_findings(
         )
     ]
     out += _thickness_findings(grid.thickness, stated, where)
+    out += _detail_findings(grid, grid.thickness or stated or 0.0, where)
     flags = clipped.flags[clipped.found]
     for bit, word, what, remedy in _WORDS:
         share = float(((flags & bit) != 0).mean())
@@ -107,6 +110,28 @@ def _thickness_findings(seen: float, stated: float | None, where: str) -> list[F
         "another focus or another laser"
     )
     return [Finding("points.sheet-thickness", "warning", text, where, remedy)]
+
+
+def _detail_findings(grid: RangeGrid, thickness: float, where: str) -> list[Finding]:
+    """What is too narrow for light ``thickness`` mm rms, where profiles are close enough for it.
+
+    The centre of a stripe that lies on a groove and beside it is that of neither, and its light
+    does not tell.
+    """
+    if len(grid.angles) < 2:
+        return []
+    usual = float(np.median(np.abs(np.diff(np.unwrap(grid.angles)))))
+    apart = usual * float(np.median(np.hypot(*grid.points[grid.found][:, :2].T)))
+    narrow = _RESOLVED * thickness
+    if not narrow > 2 * apart > 0:
+        return []
+    text = (
+        f"profiles lie {apart:.2f} mm apart, but the light is {thickness:.2f} mm thick (rms): "
+        f"across the profiles, grooves, ribs and steps narrower than {narrow:.1f} mm are rounded "
+        "off or missed, and sigma does not always say so"
+    )
+    remedy = "focus the laser at the axis, or take a thinner line, where such details matter"
+    return [Finding("points.detail", "note", text, where, remedy)]
 
 
 def _moved(grid: RangeGrid) -> str:
