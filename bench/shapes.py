@@ -29,6 +29,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from bench import _keep
+from bench._commit import commit_of_code
 from bench._drawn import from_drawn
 from bench._held import from_large_boards, from_large_drawn
 from bench._page import DOCS, MEASURED, figures, measured, replaced, write
@@ -48,6 +49,7 @@ from turnscan.shapes.primitives import (
     Shape,
     ShapeSet,
     ShapeSize,
+    _fit_kernels,
     find_edges,
     find_shapes,
     sharpened,
@@ -390,7 +392,7 @@ def _is_there(s: Shape, X: Floats, place: Pose, distance: Distance, usual: float
     every, scale = np.arange(len(true)), np.full(len(true), usual / 3)
     size = 4 * float(np.linalg.norm(np.ptp(true, axis=0)))
     q = surface.slid(kind, s.numbers, true, every)
-    q, cost = surface.fitted(kind, q, true, scale, every, FREE[kind], 4.0, size, 60)
+    q, cost = _fit_kernels.fitted(kind, q, true, scale, every, FREE[kind], 4.0, size, 60)
     if not np.isfinite(cost):
         return False
     on = np.abs(surface.distances(kind, q, true)[0]) <= usual / 3
@@ -455,17 +457,21 @@ def freeform(columns: int = 450, sigma: float = 0.02) -> Mesh:
     return Mesh(X, np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)]))
 
 
-def _freeform() -> None:
+def _freeform(into_page: bool) -> None:
     find_shapes(freeform(60))  # compiles
     mesh, spent = freeform(), list[float]()
-    for _ in range(2):
+    for _ in range(3):
         start = time.process_time()
         found = find_shapes(mesh)
         spent.append(time.process_time() - start)
-    print(
+    line = (
         f"freeform, {len(mesh.faces)} triangles: {len(found.shapes)} shapes invented, "
-        f"{min(spent):.1f} s of the processor"
+        f"{min(spent):.1f} to {max(spent):.1f} s of a processor in three runs, at "
+        f"{commit_of_code()}"
     )
+    print(line)
+    if into_page:
+        write(PAGE, "shapes-freeform", [line])
 
 
 def main() -> None:
@@ -487,7 +493,7 @@ def main() -> None:
     parser.add_argument("--freeform", action="store_true", help="a dense mesh without shapes")
     args = parser.parse_args()
     if args.freeform:
-        _freeform()
+        _freeform(args.write)
         return
     if args.plain and args.write:
         parser.error("the pages' rows are of scans, not of files without sigmas")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from turnscan.arrays import Floats
+from turnscan.shapes.primitives import _fit_kernels as fit
+from turnscan.shapes.primitives import _growth_kernels as growth
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._ground import Ground, Index
 from turnscan.shapes.primitives._surface_kernels import CONE, CYLINDER, FREE, PLANE, SPHERE, TORUS
@@ -36,9 +36,7 @@ class Region:
 
 def side_of(g: Ground, kind: int, q: Floats, member: Index) -> float:
     """+1 where the surface's normals look outward over members, −1 where inward."""
-    some = surface.some_of(member, 200)
-    n = surface.distances(kind, q, g.vertices[some])[1]
-    return 1.0 if float(np.einsum("ij,ij->", n, g.normals[some])) >= 0 else -1.0
+    return growth.outward(kind, q, g.vertices, g.normals, member)
 
 
 def refit(
@@ -47,7 +45,7 @@ def refit(
     """The surface through members again, and its cost per point."""
     some = surface.some_of(member, most)
     q = surface.slid(kind, q, g.vertices, some)
-    q, cost = surface.fitted(
-        kind, q, g.vertices, g.scale, some, FREE[kind], surface.BOUND, 4 * g.size, steps
+    q, cost = fit.fitted(
+        kind, q, g.vertices, g.scale, some, FREE[kind], fit.BOUND, 4 * g.size, steps
     )
     return q, cost / len(some)

@@ -295,20 +295,7 @@ def better_about(
     return share
 
 
-@njit(cache=True, nogil=True)
-def _lies_on(
-    surface: Surface, cs: tuple[float, float], ground: Neighbourhood, k: int, cos_turn: float
-) -> bool:
-    """Whether a vertex is on the surface, whose `lean` is ``cs``, and turned as it is."""
-    X, N, q = ground.vertices, ground.normals, surface.q
-    d, n0, n1, n2, _, _ = at(surface.kind, q, cs[0], cs[1], X[k, 0], X[k, 1], X[k, 2])
-    if abs(d) > ground.limit[k]:
-        return False
-    c = n0 * N[k, 0] + n1 * N[k, 1] + n2 * N[k, 2]
-    return bool(c * surface.side >= cos_turn)
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def grown(
     surface: Surface, ground: Neighbourhood, marks: Marks, seeds: Longs, cos_turn: float, most: int
 ) -> Longs:
@@ -317,28 +304,33 @@ def grown(
     Each is within its limit, its smooth normal within the turn of the surface's. Those that are
     not are marked as seen, too: they would be asked again from each of their neighbours.
     """
-    most = min(most, len(ground.vertices))
-    start, near, label, seen, mark = ground.start, ground.near, marks.label, marks.seen, marks.mark
+    X, N, limit, start, near = ground
+    label, seen, mark = marks
+    kind, q, side = surface
+    cos, sin = lean(kind, q)
+    most = min(most, len(X))
     queue = np.empty(most, dtype=np.int64)
-    cs = lean(surface.kind, surface.q)
-    filled = 0
-    for k in seeds:
-        if filled < most and seen[k] != mark and label[k] < 0:
+    filled, next_, seeded = 0, 0, 0
+    while filled < most and (seeded < len(seeds) or next_ < filled):
+        # The seeds first, as if one vertex had them all for neighbours.
+        here = -1
+        first, last = seeded, len(seeds)
+        if seeded == len(seeds):
+            here = queue[next_]
+            next_ += 1
+            first, last = start[here], start[here + 1]
+        seeded = len(seeds)
+        for e in range(first, last):
+            k = seeds[e] if here < 0 else near[e]
+            if seen[k] == mark or label[k] >= 0 or filled == most:
+                continue
             seen[k] = mark
-            if _lies_on(surface, cs, ground, k, cos_turn):
+            d, n0, n1, n2, _, _ = at(kind, q, cos, sin, X[k, 0], X[k, 1], X[k, 2])
+            turn = n0 * N[k, 0] + n1 * N[k, 1] + n2 * N[k, 2]
+            # What has no place, NaN, lies on nothing.
+            if abs(d) <= limit[k] and turn * side >= cos_turn:
                 queue[filled] = k
                 filled += 1
-    next_ = 0
-    while next_ < filled and filled < most:
-        here = queue[next_]
-        next_ += 1
-        for e in range(start[here], start[here + 1]):
-            k = near[e]
-            if filled < most and seen[k] != mark and label[k] < 0:
-                seen[k] = mark
-                if _lies_on(surface, cs, ground, k, cos_turn):
-                    queue[filled] = k
-                    filled += 1
     return queue[:filled].copy()
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.shapes.primitives import _fit_kernels as fit
+from turnscan.shapes.primitives import _growth_kernels as growth
 from turnscan.shapes.primitives import _region_kernels as region
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._ground import TURN, Ground, Index
@@ -136,9 +138,9 @@ class _Search:
         """The surface of one kind through members, from a guess, where it fits them."""
         g = self.ground
         some = surface.some_of(member, FIT)
-        q, cost = surface.fitted(
+        q, cost = fit.fitted(
             kind, guess, g.vertices, g.scale, some, FREE[kind], 6.0, 4 * g.size, 2 * STEPS,
-            surface.ROUGH,
+            fit.ROUGH,
         )  # fmt: skip
         return q if cost <= _MISFIT * len(some) else None
 
@@ -186,30 +188,17 @@ class _Search:
 
     def _spread(self, kind: int, q: Floats, ball: Index) -> tuple[Floats, Index]:
         """The surface and the vertices that a patch grows to; none where that is hopeless."""
-        g, member = self.ground, ball
-        none = np.zeros(0, dtype=np.int64)
-        side = side_of(g, kind, q, ball)
-        for turn in range(_ROUNDS):
-            self.mark += 1
-            on = region.Surface(kind, q, side)
-            most = _GROWTH * len(member)
-            grown = region.grown(on, self.near, self._marks(), member, TURN, most)
-            if len(grown) < 0.6 * len(ball):
-                self.reached = 0
-                return q, none
-            enough = len(grown) <= 1.01 * len(member) and turn > 1
-            member = grown
-            some = surface.some_of(member, _GROWING)
-            q, cost, misfit = surface.refitted(
-                kind, q, g.vertices, g.scale, g.limit, g.off, some, 4 * g.size, STEPS
-            )
-            if not np.isfinite(cost):
-                return q, none
-            if enough:
-                break
-            if len(member) > len(ball) and misfit > HOPELESS[together_on(g, kind) > 1.0]:
-                self.reached = min(self.reached, len(member))
-                return q, none
+        g = self.ground
+        on = region.Surface(kind, q, side_of(g, kind, q, ball))
+        how = growth.Growth(
+            g.scale, g.off, 4 * g.size, _GROWING, STEPS, _ROUNDS, _GROWTH,
+            HOPELESS[together_on(g, kind) > 1.0],
+        )  # fmt: skip
+        self.mark += 1
+        q, member, reached = growth.spread_out(on, self.near, self._marks(), ball, TURN, how)
+        self.mark += _ROUNDS
+        if reached >= 0:
+            self.reached = min(self.reached, reached)
         return q, member
 
 

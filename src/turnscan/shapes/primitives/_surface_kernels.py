@@ -1,4 +1,4 @@
-"""Compiled kernels of the analytic surfaces: distance, derivatives, least squares.
+"""Compiled kernels of the analytic surfaces: distances, derivatives, moves.
 
 Each kind is a surface of revolution about an axis a through a point p. With t = (x − p)·a and
 ρ = |x − p − t a|, the distance of x is
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Longs
+from turnscan.arrays import Floats, Longs
 from turnscan.compiled import njit
 
 PLANE, SPHERE, CYLINDER, CONE, TORUS = range(5)
@@ -31,10 +31,6 @@ FREE = np.array(
     dtype=np.bool_,
 )
 """(kinds, 7) which local parameters a kind has."""
-BOUND = 4.0
-"""Standard deviations beyond which a point of a region is not fitted."""
-ROUGH = 1e-3
-"""Share of the cost that a step must gain while a region grows: what is fitted again later."""
 _TINY = 1e-12
 
 
@@ -68,7 +64,7 @@ def lean(kind: int, q: Floats) -> tuple[float, float]:
     return 1.0, 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def at(
     kind: int, q: Floats, c: float, s: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -163,122 +159,6 @@ def moved_across(q: Floats, e1: Floats, e2: Floats, step: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _cost(kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, bound: float) -> float:
-    """Sum of squares over the scale, each at most ``bound``² (truncated least squares)."""
-    c, s = lean(kind, q)
-    total = 0.0
-    for i in index:
-        off = at(kind, q, c, s, points[i, 0], points[i, 1], points[i, 2])[0] / scale[i]
-        total += min(off * off, bound * bound)
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _solved(N: Floats, g: Floats, damping: float) -> tuple[bool, Floats]:
-    """Cholesky solution of the damped normal equations, every scale taken out first."""
-    k = len(g)
-    s = np.empty(k)
-    for i in range(k):
-        s[i] = 1.0 / np.sqrt(max(N[i, i], 1e-300))
-    L = np.zeros((k, k))
-    for i in range(k):
-        for j in range(i + 1):
-            v = N[i, j] * s[i] * s[j]
-            if i == j:
-                v += damping
-            for m in range(j):
-                v -= L[i, m] * L[j, m]
-            if i == j:
-                if not v > 1e-13:
-                    return False, g
-                L[i, i] = np.sqrt(v)
-            else:
-                L[i, j] = v / L[j, j]
-    x = np.empty(k)
-    for i in range(k):
-        v = g[i] * s[i]
-        for m in range(i):
-            v -= L[i, m] * x[m]
-        x[i] = v / L[i, i]
-    for i in range(k - 1, -1, -1):
-        v = x[i]
-        for m in range(i + 1, k):
-            v -= L[m, i] * x[m]
-        x[i] = v / L[i, i]
-    return True, x * s
-
-
-@njit(cache=True, nogil=True)
-def _normal(
-    kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, which: Longs, bound: float
-) -> tuple[Floats, Floats]:
-    """Normal matrix and right side of the parameters ``which``, of points within the bound."""
-    k = len(which)
-    e1, e2 = frame(q[3:6])
-    cs, J = lean(kind, q), np.empty(7)
-    N, g = np.zeros((k, k)), np.zeros(k)
-    for i in index:
-        d = _row(kind, q, e1, e2, cs, points[i, 0], points[i, 1], points[i, 2], J)
-        if abs(d) > bound * scale[i]:
-            continue
-        w = 1.0 / (scale[i] * scale[i])
-        for a in range(k):
-            ja = J[which[a]] * w
-            g[a] -= ja * d
-            for b in range(a + 1):
-                N[a, b] += ja * J[which[b]]
-    for a in range(k):
-        for b in range(a):
-            N[b, a] = N[a, b]
-    return N, g
-
-
-@njit(cache=True, nogil=True)
-def fitted(
-    kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, free: Bools, bound: float,
-    reach: float, rounds: int, enough: float = 1e-9,
-) -> tuple[Floats, float]:  # fmt: skip
-    """Truncated least squares by Levenberg and Marquardt: the surface and its cost.
-
-    It ends where a step gains no more than the share ``enough`` of the cost.
-
-    ``scale`` (n,) mm is one standard deviation of each point, ``index`` those that count, ``free``
-    (7,) the parameters that may move. A point further than ``bound`` scales has no say. No radius
-    passes ``reach`` mm: beyond it curvature means nothing. The cost is inf where no fit is found.
-    """
-    which = np.flatnonzero(free)
-    k = len(which)
-    damping = 1e-4
-    cost = _cost(kind, q, points, scale, index, bound)
-    for _ in range(rounds):
-        N, g = _normal(kind, q, points, scale, index, which, bound)
-        better = False
-        gain = 0.0
-        for _try in range(6):
-            fine, x = _solved(N, g, damping)
-            if not fine:
-                damping = max(damping * 10.0, 1e-6)
-                continue
-            step = np.zeros(7)
-            for a in range(k):
-                step[which[a]] = x[a]
-            new = moved(q, step)
-            trial = _cost(kind, new, points, scale, index, bound)
-            if trial <= cost and _sound(kind, new, reach):
-                better = True
-                gain = cost - trial
-                q, cost = new, trial
-                damping = max(damping * 0.1, 1e-12)
-                break
-            damping = max(damping * 10.0, 1e-6)
-        if not better or gain <= enough * cost + 1e-12:
-            break
-    if not _sound(kind, q, reach):
-        return q, np.inf
-    return q, cost
-
-
-@njit(cache=True, nogil=True)
 def some_of(member: Longs, most: int) -> Longs:
     """At most so many members, evenly spread and the same each time."""
     if len(member) <= most:
@@ -315,32 +195,7 @@ def slid(kind: int, q: Floats, points: Floats, index: Longs) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def refitted(
-    kind: int, q: Floats, points: Floats, scale: Floats, limit: Floats, off: Floats,
-    index: Longs, reach: float, rounds: int,
-) -> tuple[Floats, float, float]:  # fmt: skip
-    """`fitted` through points of an index, the cost per point, and the misfit beyond their noise.
-
-    The last is root mean square, each over its own ``limit`` (n,) mm; the noise is what each stands
-    ``off`` (n,) mm its neighbours by, half of them less and half of them more.
-    """
-    begun = slid(kind, q, points, index)
-    q, cost = fitted(kind, begun, points, scale, index, FREE[kind], BOUND, reach, rounds, ROUGH)
-    share = np.empty(len(index))
-    c, s = lean(kind, q)
-    total = 0.0
-    for n in range(len(index)):
-        i = index[n]
-        d = at(kind, q, c, s, points[i, 0], points[i, 1], points[i, 2])[0] / limit[i]
-        total += d * d
-        share[n] = abs(off[i] / limit[i])
-    noise = 1.4826 * np.median(share)
-    many = max(len(index), 1)
-    return q, cost / many, np.sqrt(max(total / many - noise * noise, 0.0))
-
-
-@njit(cache=True, nogil=True)
-def _sound(kind: int, q: Floats, reach: float) -> bool:
+def sound(kind: int, q: Floats, reach: float) -> bool:
     """Whether a surface is one at all."""
     for k in range(8):
         if not np.isfinite(q[k]):
