@@ -7,7 +7,7 @@ import math
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -35,6 +35,7 @@ from turnscan.shapes.verification import (
     survey_of_grids,
     values_of,
 )
+from turnscan.shapes.verification._balls import ball_moves
 from turnscan.stripes import Stripe
 
 NOISE = 0.02
@@ -157,6 +158,79 @@ def test_of_lines_that_repeat_nothing_a_ball_is_as_certain_as_its_points(
     assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.08
 
 
+def bowed(points: Floats) -> Floats:
+    """(2, n, 3) mm: one standard deviation of a calibration that bends balls, along x and z."""
+    wide, tall = np.zeros((2, *points.shape))
+    wide[:, 0], tall[:, 2] = 0.002 * points[:, 0], 1e-4 * points[:, 2] ** 2
+    return np.stack([wide, tall])
+
+
+def test_what_the_calibration_bends_is_not_counted_as_noise_of_the_points_too() -> None:
+    """A ball that a wrong rig bends, by as much as its calibration leaves open: its noise is that
+    of a ball that is not bent, and its whole uncertainty what its centre and radius are off."""
+    dice = np.random.default_rng(21)
+    up = np.repeat(np.arcsin(np.linspace(-0.8, 0.8, 60)), 16)
+    turn = np.tile(np.arange(16) * np.pi / 16, 60)  # seen from one side, so that it moves
+    out = np.column_stack([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
+    lines = np.repeat(np.arange(60), 16)
+    own, whole, twice = list[Floats](), list[Floats](), list[Floats]()
+    for _ in range(200):
+        by = dice.standard_normal(2)
+        points = (20.0 + NOISE * dice.standard_normal((len(out), 1))) * out
+        seen = points + np.einsum("m,mki->ki", by, bowed(points))
+        seen_by = Survey(seen, None, partial(np.take, bowed(seen), axis=1), lines)
+        ball = ball_at(seen_by, np.zeros(3), 20.0)
+        moved = ball_moves(seen_by, ball, ball.index)[0]
+        error = np.array([*ball.sphere.centre, ball.sphere.radius - 20.0])
+        noisy = np.diag(ball.sphere.covariance)
+        own.append((error - by @ moved) / np.sqrt(noisy))
+        whole.append(error / np.sqrt(noisy + (moved**2).sum(axis=0)))
+        alone = ball_at(Survey(seen, lines=lines), np.zeros(3), 20.0).sphere
+        twice.append((error - by @ moved) / np.sqrt(np.diag(alone.covariance)))
+    own_z, whole_z, before = (np.sqrt(np.mean(np.square(z), axis=0)) for z in (own, whole, twice))
+    print(f"own {own_z.round(2)}, whole {whole_z.round(2)}, bends as noise {before.round(2)}")
+    # 200 draws know an rms to 5 %; what neighbours share is never said to be less than nothing.
+    assert 0.85 < own_z.min() <= own_z.max() < 1.15
+    assert 0.85 < whole_z.min() <= whole_z.max() < 1.15
+    assert before.max() < 0.8 * own_z.min()
+
+
+def test_moves_of_many_points_are_taken_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = ball_points(np.random.default_rng(23), np.zeros(3), 20.0, 700)
+    survey = Survey(points, None, lambda index: bowed(points[index]))
+    some, out = np.arange(3, 700, 2), points[3:700:2] / 20.0
+    whole = np.einsum("mki,ki->mk", bowed(points[some]), out)
+    monkeypatch.setattr("turnscan.shapes.verification._survey._AT_ONCE", 100)
+    np.testing.assert_allclose(survey.pushed(some, out), whole, rtol=0, atol=1e-15)
+    assert np.abs(whole).max() > 0.03
+    assert Survey(points).pushed(some, out).shape == (0, len(some))
+
+
+def test_a_face_that_the_calibration_bows_is_not_counted_as_one_of_clumps() -> None:
+    """Of a face bowed by three times its noise, and of one whose neighbours do err alike."""
+    dice = np.random.default_rng(22)
+    clumps, real = list[float](), list[float]()
+    for _ in range(60):
+        flat = face_points(dice, 0.0, 1500)
+        bow = np.zeros((1, *flat.shape))
+        bow[0, :, 0] = 0.06 * (flat[:, 1] / 15.0) ** 2
+        seen = flat + dice.standard_normal() * bow[0]
+        seen[:, 0] += NOISE * dice.standard_normal(len(flat))
+        tile = ((flat[:, 1:] - flat[:, 1:].min(axis=0)) / (5.0, 6.0)).astype(int) @ [7, 1]
+        shared = seen.copy()
+        shared[:, 0] += NOISE / 2 * dice.standard_normal(49)[tile]
+        for points, into in ((seen, clumps), (shared, real)):
+            face = face_of(
+                Survey(points, None, partial(np.take, bow, axis=1)), np.arange(1500), 0.5
+            )
+            assert face is not None
+            into.append(face.clumping)
+    # Means of 40 cells scatter by 1 ± 0.22, and less than 1 counts as 1: 1.09 on the average. Of 30
+    # points in a tile that have a quarter of their variance in common: some 1 + 30 / 4.
+    assert 1.0 < np.mean(clumps) < 1.2
+    assert 3.0 < np.mean(real) < 9.0
+
+
 @pytest.mark.parametrize("block", [1, 4])
 def test_what_a_line_repeats_in_all_profiles_does_not_average_out(block: int) -> None:
     """A ball on the axis, each line of which (or each four) is off alike at all 30 steps."""
@@ -165,7 +239,7 @@ def test_what_a_line_repeats_in_all_profiles_does_not_average_out(block: int) ->
     round_ = np.tile(np.arange(30) * np.pi / 15, 120)
     out = np.column_stack([np.cos(up) * np.cos(round_), np.cos(up) * np.sin(round_), np.sin(up)])
     lines = np.repeat(np.arange(120), 30)
-    z, alone = [], []
+    z, alone = list[Floats](), list[Floats]()
     for _ in range(200):
         off = np.repeat(dice.normal(0.0, 0.02, 120 // block), 30 * block)
         points = (20.0 + off + dice.normal(0.0, 0.02, len(out)))[:, None] * out

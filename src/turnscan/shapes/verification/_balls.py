@@ -12,9 +12,9 @@ from turnscan.errors import InputError
 from turnscan.shapes._fit import fit_sphere
 from turnscan.shapes._forms import Sphere
 from turnscan.shapes.verification._statistics import (
-    clumping,
     kept,
     line_covariance,
+    own_residual,
     with_lines,
 )
 from turnscan.shapes.verification._survey import Index, Survey
@@ -48,7 +48,8 @@ class Ball:
     """(n,) points of the survey that count; the sphere goes through all but 0.3 % of them."""
     sphere: Sphere
     """Its covariance holds the points' noise, by `clumping` what neighbours share, and by
-    `line_covariance` what a line of the picture repeats in all profiles."""
+    `line_covariance` what a line of the picture repeats in all profiles; of all of them what the
+    calibration has not bent (`own_residual`), for that is counted by `ball_moves`."""
     residual: Floats
     """(n,) mm: distance of each point from the sphere, positive outside."""
     left_out: float
@@ -104,9 +105,10 @@ def ball_at(survey: Survey, centre: Floats, radius: float) -> Ball:
     fit = fit_sphere(X[good[inner]])
     out = X[good] - fit.centre
     residual = np.linalg.norm(out, axis=1) - fit.radius
-    shared = clumping(residual, _cell(out), 4)
+    bends = _moves(survey, fit.centre, good)[1]
+    own, shared = own_residual(residual, bends, _cell(out), 4)
     lines = None if survey.lines is None else survey.lines[good[inner]]
-    covariance = _scattered(out[inner], residual[inner], shared, lines)
+    covariance = _scattered(out[inner], own[inner], shared, lines)
     sphere = Sphere(fit.centre, fit.radius, fit.rms, covariance, fit.count)
     return Ball(good, sphere, residual, 1.0 - len(good) / max(len(on), 1), shared)
 
@@ -132,12 +134,15 @@ def ball_moves(survey: Survey, ball: Ball, some: Index) -> tuple[Floats, Floats]
     For one standard deviation of each of the m directions of the calibration, by the points
     ``some`` (k,) of the survey.
     """
-    if survey.moves is None:
-        return np.zeros((0, 4)), np.zeros((0, len(some)))
-    out = survey.points[some] - ball.sphere.centre
+    return _moves(survey, ball.sphere.centre, some)
+
+
+def _moves(survey: Survey, centre: Floats, some: Index) -> tuple[Floats, Floats]:
+    """As `ball_moves`, of the ball through ``some`` about a ``centre`` (3,) mm."""
+    out = survey.points[some] - centre
     out = out / np.linalg.norm(out, axis=1)[:, None]
     J = np.column_stack([-out, -np.ones(len(out))])
-    pushed = np.einsum("mki,ki->mk", survey.moves(some), out)
+    pushed = survey.pushed(some, out)
     p = -pushed @ np.linalg.pinv(J).T
     return p, pushed + p @ J.T
 

@@ -12,7 +12,7 @@ from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.shapes._fit import fit_plane
 from turnscan.shapes._forms import Plane
-from turnscan.shapes.verification._statistics import clumping, kept
+from turnscan.shapes.verification._statistics import kept, own_residual
 from turnscan.shapes.verification._survey import Index, Survey
 
 _LOOK = 20_000
@@ -34,7 +34,8 @@ class Face:
     index: Index
     """(n,) points of the survey that count; the plane goes through all but 0.3 % of them."""
     plane: Plane
-    """Its covariance holds the points' noise and, by `clumping`, what neighbours share."""
+    """Its covariance holds the points' noise and, by `clumping`, what neighbours share of what the
+    calibration has not bent (`own_residual`)."""
     residual: Floats
     """(n,) mm: distance of each point from the plane."""
     left_out: float
@@ -91,7 +92,8 @@ def face_of(survey: Survey, near: Index, margin: float) -> Face | None:
     X = survey.points[good]
     fit = fit_plane(X[kept(fit_plane(X).distances(X))])
     residual = fit.distances(X)
-    shared = clumping(residual, _tile(X, fit), 3)
+    bends = _moves(survey, fit.centre, good, fit.normal)[1]
+    shared = own_residual(residual, bends, _tile(X, fit), 3)[1]
     plane = Plane(fit.normal, fit.distance, fit.centre, fit.rms, fit.covariance * shared, fit.count)
     return Face(good, plane, residual, 1.0 - len(good) / len(near), shared)
 
@@ -157,20 +159,21 @@ def face_moves(survey: Survey, face: Face, some: Index, normal: Floats) -> tuple
     """How the calibration moves a face: (m, 3) mm and rad, shift at its centre and tilts about the
     principal directions; (m, k) mm its residuals. By the points ``some`` (k,), as `ball_moves`.
     """
-    if survey.moves is None:
-        return np.zeros((0, 3)), np.zeros((0, len(some)))
+    return _moves(survey, face.plane.centre, some, normal)
+
+
+def _moves(survey: Survey, centre: Floats, some: Index, normal: Floats) -> tuple[Floats, Floats]:
+    """As `face_moves`, of the plane through ``some`` about a ``centre`` (3,) mm."""
     e1, e2 = _across(normal)
-    d = survey.points[some] - face.plane.centre
+    d = survey.points[some] - centre
     J = np.column_stack([np.ones(len(d)), d @ e1, d @ e2])
-    pushed = survey.moves(some) @ normal
+    pushed = survey.pushed(some, normal)
     p = pushed @ np.linalg.pinv(J).T
     return p, pushed - p @ J.T
 
 
 def level_moves(survey: Survey, levels: Levels, some: Sequence[Index]) -> Floats:
     """(m, k) mm: how the calibration moves the heights of levels; as `ball_moves`."""
-    if survey.moves is None:
-        return np.zeros((0, len(levels.heights)))
     e1, e2 = _across(levels.normal)
     lead = levels.faces[0].plane.centre
     k = len(levels.faces)
@@ -180,7 +183,7 @@ def level_moves(survey: Survey, levels: Levels, some: Sequence[Index]) -> Floats
         A = np.zeros((len(d), k + 2))
         A[:, 0], A[:, 1], A[:, 2 + j] = -(d @ e1), -(d @ e2), 1.0
         rows.append(A)
-        pushed.append(survey.moves(index) @ levels.normal)
+        pushed.append(survey.pushed(index, levels.normal))
     p = np.concatenate(pushed, axis=1) @ np.linalg.pinv(np.concatenate(rows)).T
     moved: Floats = p[:, 3:] - p[:, 2:3]
     return moved

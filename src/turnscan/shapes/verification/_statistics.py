@@ -16,6 +16,9 @@ _TAIL = 20
 NEAR_LINES = 8
 """Lines over which the same error may lie, less so the farther apart: JPEG has blocks of 8."""
 
+_ROUNDS = 3
+"""Of finding the noise, and what of the residuals is more than that."""
+
 _BY_CHANCE = 1.645
 """Standard deviations that a normal value exceeds in one case of twenty."""
 
@@ -72,12 +75,13 @@ def shell_sigma(residual: Floats) -> float:
     return float(np.sqrt(SHELL * (1 - SHELL) / len(residual))) * slope
 
 
-def clumping(residual: Floats, cell: np.ndarray, free: int) -> float:
+def clumping(residual: Floats, cell: np.ndarray, free: int, taken: float = 0.0) -> float:
     """How many times more the means of cells scatter than independent points would make them.
 
-    ``cell`` (n,) numbers the place of each residual; ``free`` is the number of fitted parameters.
-    At least 1. Speckle, stripe errors that neighbours share and form errors all make it larger,
-    and with it the variance of whatever is fitted.
+    ``cell`` (n,) numbers the place of each residual; ``free`` is the number of fitted parameters,
+    ``taken`` what else was fitted to them (`own_residual`). At least 1. Speckle, stripe errors that
+    neighbours share and form errors all make it larger, and with it the variance of whatever is
+    fitted.
     """
     count = np.bincount(cell)
     used = count >= 5
@@ -87,7 +91,34 @@ def clumping(residual: Floats, cell: np.ndarray, free: int) -> float:
     spread = float(np.mean(residual**2))
     if spread <= 0:
         return 1.0
-    return max(1.0, float((count[used] * mean**2).sum()) / (spread * (int(used.sum()) - free)))
+    left = max(int(used.sum()) - free - taken, 1.0)
+    return max(1.0, float((count[used] * mean**2).sum()) / (spread * left))
+
+
+def own_residual(
+    residual: Floats, bends: Floats, cell: np.ndarray, free: int
+) -> tuple[Floats, float]:
+    """(n,) mm: residuals without what the calibration has bent; and their `clumping`.
+
+    ``bends`` (m, n) mm is what one standard deviation of each of m independent directions of the
+    calibration does to the residuals of a fit with ``free`` parameters. What a wrong rig bends
+    lies in the residuals of neighbours and of lines alike, and is counted by what the calibration
+    does not know already; counted as the points' own scatter, too, it would be counted twice. The
+    amplitude of each direction is what the residuals make most likely, which before them is a
+    normal value about 0 of standard deviation 1 (ridge regression, A. E. Hoerl and R. W. Kennard,
+    1970), so that less is taken off than the calibration leaves open.
+    """
+    own, shared, taken = residual, clumping(residual, cell, free), 0.0
+    if not bends.size or not residual.any():
+        return own, shared
+    shared, product, pull = 1.0, bends @ bends.T, bends @ residual
+    for _ in range(_ROUNDS):
+        noise = shared * float(own @ own) / max(len(own) - free - taken, 1.0)
+        doubt = np.linalg.inv(np.eye(len(bends)) + product / noise)
+        own = residual - (doubt @ pull / noise) @ bends
+        taken = len(bends) - float(np.trace(doubt))
+        shared = clumping(own, cell, free, taken)
+    return own, shared
 
 
 def line_covariance(J: Floats, residual: Floats, lines: Longs) -> Floats | None:

@@ -18,6 +18,8 @@ from turnscan.shapes._measure import measured_points
 Index = npt.NDArray[np.intp]
 Moves = Callable[[Index], Floats]
 
+_AT_ONCE = 20_000
+"""Points whose moves are computed at once."""
 _APART = 1 << 20
 """Lines from those of one laser to those of the next."""
 
@@ -46,6 +48,18 @@ class Survey:
         if self.lines is not None:
             lines = frozen(self.lines, (n,), "Survey.lines", np.int64)
             object.__setattr__(self, "lines", lines)
+
+    def pushed(self, index: Index, ways: Floats) -> Floats:
+        """(m, k) mm: how far points (k,) move along ``ways`` (k, 3) or (3,) with one standard
+        deviation of each direction of `moves`; (0, k) where that is not known."""
+        if self.moves is None:
+            return np.zeros((0, len(index)))
+        parts = []
+        for first in range(0, len(index), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            way = ways if ways.ndim == 1 else ways[some]
+            parts.append(np.sum(self.moves(index[some]) * way, axis=-1))
+        return np.concatenate(parts, axis=1) if parts else np.zeros((0, 0))
 
 
 def survey_of_mesh(mesh: Mesh) -> Survey:
