@@ -216,7 +216,7 @@ def _believed(task: Task, made: Bench, folder: Path) -> Rig:
 def measured_part(task: Task, folder: Path) -> list[str]:
     """The lines of a part in the table, and what else there is to say of it, after a scan."""
     f = found_on(task, folder)
-    part, place, name = f.made.scene.bodies[0].part, _placed(f), task.part
+    part, place, name = f.made.scene.bodies[0].part, placed(f), task.part
     lines = [line for t in TRUTHS.get(name, ()) for line in _lines(name, t, f.sizes)]
     near = _near_edges(f.mesh, f.shapes, part, place)
     edges = [] if near is None else [near.line(name)]
@@ -224,7 +224,7 @@ def measured_part(task: Task, folder: Path) -> list[str]:
     return [*lines, *edges, rest]
 
 
-def _placed(f: Found) -> Pose:
+def placed(f: Found) -> Pose:
     """From the frame of the mesh to that of the part: as the simulator has laid it where the rig is
     known exactly, else by the best fit of all shapes, of which one that is false pulls the others
     along."""
@@ -248,7 +248,7 @@ def repeated(task: Task, seeds: int, folder: Path) -> list[str]:
         f = found_on(again, folder)
         for t in TRUTHS[task.part]:
             offs.setdefault(t.name, []).extend(_errors(t, f.sizes))
-        edges = _near_edges(f.mesh, f.shapes, f.made.scene.bodies[0].part, _placed(f))
+        edges = _near_edges(f.mesh, f.shapes, f.made.scene.bodies[0].part, placed(f))
         near += [] if edges is None else [edges.after]
     out = [
         "| part | size | found | mean error µm | scatter µm | u µm | E_n < 1 |",
