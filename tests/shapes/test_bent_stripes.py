@@ -8,7 +8,7 @@ import pytest
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh, Provenance, submesh
 from turnscan.shapes.primitives import find_shapes
-from turnscan.shapes.primitives._find import _kept, sigma_of
+from turnscan.shapes.primitives._find import _Fit, _kept, sigma_of
 from turnscan.shapes.primitives._ground import prepared
 from turnscan.shapes.primitives._judged import bent
 from turnscan.shapes.primitives._region import Region
@@ -72,6 +72,25 @@ def test_the_doubt_of_bent_stripes_does_not_vanish_with_their_many_points() -> N
         [plane] = find_shapes(_stripes(off, sigma, seed)).shapes
         ratios.append(plane.point[2] / np.sqrt(plane.covariance[4, 4]))
     assert 0.75 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.3
+
+
+@pytest.mark.parametrize(("worse", "sure"), [((1, 1), True), ((10, 3), False)])
+def test_a_plane_of_four_stripes_that_may_lean_any_way_is_none(
+    worse: tuple[int, int], sure: bool
+) -> None:
+    """Such as the tip of a tooth: the outer two of its stripes are bent, the inner two a little."""
+    sigma = np.full(16, SIGMA)
+    sigma[[6, 7, 8, 9]] *= np.array([worse[0], worse[1], worse[1], worse[0]])
+    mesh = _stripes(np.zeros(16), sigma)
+    tip = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    tip[6 * ROWS : 10 * ROWS] = True
+    up = _plane(np.zeros(3), np.array([0.0, 0, 1]))
+    found = _Fit(
+        prepared(mesh, sigma_of(mesh), None), Region(PLANE, up, 1.0, np.flatnonzero(tip)), tip, tip
+    )
+    leans = float(np.sqrt(np.linalg.eigvalsh(found.covariance[:2, :2])[-1]))
+    assert (leans < 0.01) if sure else (0.1 < leans < 0.15)
+    assert found.sure() == sure
 
 
 def _bowed(wave: float, sigma: Floats) -> Mesh:

@@ -300,6 +300,28 @@ def test_a_profile_tells_a_wave_from_noise_and_fails_no_perfect_face(tmp_path: P
     assert lost.verdict == "undecided"
 
 
+def test_faces_across_an_undetermined_motion_have_no_profile(tmp_path: Path) -> None:
+    """Four walls slide in a closed box: how far they lie from its ends is chance."""
+    box = trimesh.creation.box(
+        (30, 20, 10), trimesh.transformations.translation_matrix((15, 10, 5))
+    )
+    drawn = Mesh(np.asarray(box.vertices), np.asarray(box.faces))
+    shapes = with_features(nominal(drawn, "mm", no_progress)).shapes
+    ends = [k + 1 for k, s in enumerate(shapes) if abs(s.axis[2]) > 0.5]
+    table = tmp_path / "t.csv"
+    table.write_text("*,profile,1\n")
+    walls = _box(0.0, 0.02, 1)
+    slid = Mesh(walls.vertices * [1, 1, 1.1] + [0, 0, 0.3], walls.faces)
+    found = compare(slid, drawn, align="shape", tolerance_table=table)
+    said = {c.features[0]: c.verdict for c in found.checks if c.quantity == "profile"}
+    assert said == {number: "pass" for number in range(1, 7) if number not in ends}
+    (adrift,) = [f for f in found.findings if f.code == "compare.adrift"]
+    assert adrift.message.startswith(f"features {ends[0]}, {ends[1]} lie across")
+    assert found.verdict == "undecided"
+    held = compare(slid, drawn, align="none", tolerance_table=table)
+    assert not [f for f in held.findings if f.code == "compare.adrift"]
+
+
 def test_a_row_of_a_feature_that_the_part_lacks_is_an_error_before_anything_is_compared(
     tmp_path: Path,
 ) -> None:

@@ -33,7 +33,8 @@ than noise: beside the walls of a keyway, and where its floor goes into their sh
 _ALONG = float(np.cos(np.radians(15.0)))
 """Between normals of surfaces that run into each other without an edge."""
 _SURE = 0.1
-"""A radius whose standard uncertainty is more of it than this is none."""
+"""A radius whose standard uncertainty is more of it than this is none, nor is a plane that may lean
+by so many radians: the tip of a tooth that two bent stripes and two others show."""
 
 
 def find_shapes(
@@ -230,13 +231,13 @@ class _Fit:
         return np.asarray(moves.T @ moves)
 
     def sure(self) -> bool:
-        """Whether a curved shape knows its radius."""
+        """Whether a curved shape knows its radius, and a plane where it looks."""
+        C = self.covariance
+        if not np.isfinite(C).all():
+            return False
         if self.region.kind == PLANE:
-            return bool(np.isfinite(self.covariance).all())
-        return bool(
-            np.isfinite(self.covariance).all()
-            and np.sqrt(self.covariance[5, 5]) < _SURE * max(self.q[6], 1e-9) + 1e-9
-        )
+            return bool(np.linalg.eigvalsh(C[:2, :2])[-1] < _SURE**2)
+        return bool(np.sqrt(C[5, 5]) < _SURE * max(self.q[6], 1e-9) + 1e-9)
 
     def answer(self, field: Floats, g: Ground) -> Floats:
         """(7,) what the parameters do when all points move by ``field`` (v, 3)."""

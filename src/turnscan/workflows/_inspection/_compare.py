@@ -37,7 +37,7 @@ from turnscan.workflows._inspection._tolerances import Tolerance, Verdict, read_
 from turnscan.workflows._options._check_tolerance import check_tolerance
 from turnscan.workflows._options._compare import MAP_SUFFIXES, CompareOptions
 from turnscan.workflows._options._declare import chosen
-from turnscan.workflows._surface._aligning import Placement, labels_of, placed_by
+from turnscan.workflows._surface._aligning import Placement, adrift, labels_of, placed_by
 from turnscan.workflows._surface._loading import Source, load
 from turnscan.workflows._surface._nominal import Nominal, nominal, with_features
 from turnscan.workflows._surface._reconstruct import reconstruct
@@ -394,19 +394,29 @@ def measured_labels(mesh: Mesh, found: FoundShapes) -> Ints:
     return label[used]
 
 
+def _adrift_told(loose: Sequence[int]) -> Finding:
+    who = ", ".join(str(k + 1) for k in loose)
+    text = f"features {who} lie across a motion that the shape does not determine: how far points"
+    text += " are from them is chance; sizes are not touched"
+    remedy = "scan, in another pose, what would hold the part there"
+    return Finding("compare.adrift", "warning", text, remedy=remedy)
+
+
 def _by_feature(
     plain: Comparison, drawn: Nominal, own: Ints, found: FoundShapes, rows: Sequence[Tolerance]
 ) -> Comparison:
     """The comparison with a table of the reference's features, and their sizes."""
     label = labels_of(drawn, plain.every.face, plain.every.beyond)
+    loose = adrift(drawn, plain.placement.loose)
     match = matched(drawn, label, found.found, own)
     checks = [
         *checks_of(drawn, found.sizes, match, rows),
-        *profiles_of(drawn, label, plain.mesh.vertices, plain.every, rows),
+        *profiles_of(drawn, label, plain.mesh.vertices, plain.every, rows, loose),
     ]
+    told = [] if not loose else [_adrift_told(sorted(loose))]
     return replace(
         plain,
         features=features_of(drawn, label, plain.every),
         checks=tuple(checks),
-        findings=(*plain.findings, *unmet(drawn, checks, rows)),
+        findings=(*plain.findings, *told, *unmet(drawn, checks, rows, loose)),
     )

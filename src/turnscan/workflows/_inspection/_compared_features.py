@@ -3,7 +3,7 @@ tolerances."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -228,12 +228,13 @@ def _sine(a: Floats, b: Floats) -> float:
 
 def profiles_of(
     reference: Nominal, label: Ints, points: Floats, every: Deviation,
-    tolerances: Sequence[Tolerance],
+    tolerances: Sequence[Tolerance], loose: Collection[int] = (),
 ) -> Iterator[Check]:  # fmt: skip
     """The profile of each feature that the table asks for: twice its largest deviation, as the
-    means over places of some thirty points tell it, so that the noise of one point does not."""
+    means over places of some thirty points tell it, so that the noise of one point does not.
+    Those that are ``loose``, by index (`adrift`), have none."""
     for k in range(len(reference.shapes)):
-        if tolerance_of(tolerances, [k + 1], "profile") is None:
+        if k in loose or tolerance_of(tolerances, [k + 1], "profile") is None:
             continue
         own = label == k
         if int(own.sum()) >= _LEAST:
@@ -268,10 +269,13 @@ def _out_of_range(row: Tolerance, nominal: float) -> str:
 
 
 def unmet(
-    reference: Nominal, checks: Sequence[Check], tolerances: Sequence[Tolerance]
+    reference: Nominal,
+    checks: Sequence[Check],
+    tolerances: Sequence[Tolerance],
+    loose: Collection[int] = (),
 ) -> list[Finding]:
     """Rows of the table that nothing answers to, sizes that a row has no limits for, and features
-    that have a tolerance and no size."""
+    that have a tolerance and no size; why, of those that are ``loose``, by index (`adrift`)."""
     out = []
     for t in tolerances:
         if not any(t.fits(c.features, c.quantity) for c in checks):
@@ -290,12 +294,18 @@ def unmet(
             if s.kind in kinds
             and tolerance_of(tolerances, [number], quantity) is not None
             and ((number,), quantity) not in known
+            and not (quantity == "profile" and number - 1 in loose)
         ]
         if lost:
             who = ", ".join(map(str, lost))
             text = f"{quantity} of {who}: has a tolerance and could not be measured"
             remedy = "scan these features more densely, or leave them out of the table"
             out.append(Finding(UNKNOWN, "warning", text, remedy=remedy))
+    asked = [k + 1 for k in sorted(loose) if tolerance_of(tolerances, [k + 1], "profile")]
+    if asked:
+        text = f"profile of {', '.join(map(str, asked))}: has a tolerance and no verdict, for it is"
+        text += " chance where the alignment left them"
+        out.append(Finding(UNKNOWN, "warning", text))
     return out
 
 

@@ -36,6 +36,21 @@ _LEAST = 30
 _SYMMETRIC = "compare.symmetric"
 _OPEN = 0.02
 """A motion along which a datum's surface rises by less than this part of it is left to the next."""
+_ADRIFT = 0.1
+"""The same part for a feature that an undetermined motion carries off its place; five times what
+may rise at all where a motion counts as undetermined."""
+
+
+@dataclass(frozen=True, eq=False)
+class LooseMotion:
+    """A motion in the frame of the reference that nothing determines, of 1 mm on the average."""
+
+    middle: Floats
+    """(3,) mm: what ``turn`` is about."""
+    turn: Floats
+    """(3,) radians."""
+    shift: Floats
+    """(3,) mm, with it."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +64,8 @@ class Placement:
     """In a line."""
     findings: tuple[Finding, ...] = ()
     figures: dict[str, Any] = field(default_factory=dict)
+    loose: tuple[LooseMotion, ...] = ()
+    """Along which the pose is one of many."""
 
 
 def placed_by(way: Way, mesh: Mesh, name: str, reference: Nominal, datums: Sequence[int]) -> (
@@ -152,6 +169,7 @@ def _told(found: Onto, mesh: Mesh) -> Placement:
     for free in a.freedoms:
         text = f"{free} is not determined by the shape"
         findings.append(Finding("compare.free", "note", text))
+    loose = tuple(LooseMotion(m.middle, m.turn, m.shift) for m in a.freedoms)
     sigma = np.sqrt(np.diagonal(a.covariance[1]))
     figures = {
         "turned_deg": turned,
@@ -162,7 +180,21 @@ def _told(found: Onto, mesh: Mesh) -> Placement:
         "undetermined": [str(f) for f in a.freedoms],
     }
     text = f"aligned by shape: turned {turned:.3f}° and moved {moved:.3f} mm"
-    return Placement("shape", pose, text, tuple(findings), figures)
+    return Placement("shape", pose, text, tuple(findings), figures, loose)
+
+
+def adrift(reference: Nominal, loose: Sequence[LooseMotion]) -> set[int]:
+    """Features, by index, that an undetermined motion carries off their places: how far points lie
+    from these is chance."""
+    out = set[int]()
+    for k, shape in enumerate(reference.shapes):
+        X = reference.mesh.vertices[np.unique(reference.mesh.faces[reference.label == k])]
+        n = _normals(shape, X, shape.distances(X))
+        for m in loose:
+            rise = np.einsum("ij,ij->i", n, m.shift + np.cross(m.turn, X - m.middle))
+            if len(X) and float(np.sqrt(np.mean(rise**2))) > _ADRIFT:
+                out.add(k)
+    return out
 
 
 def _motion(pose: Pose, mesh: Mesh) -> tuple[float, float]:
@@ -221,7 +253,8 @@ def _by_datums(
         "freedoms_taken": list(taken),
         "other_ways": start.figures["other_ways"],
     }
-    return Placement("datums", pose, text, findings, figures)
+    loose = tuple(m for m in start.loose if not adrift(reference, [m]) & set(chosen))
+    return Placement("datums", pose, text, findings, figures, loose)
 
 
 def _datums(reference: Nominal, datums: Sequence[int]) -> list[int]:
