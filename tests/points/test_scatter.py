@@ -9,17 +9,39 @@ import pytest
 
 from turnscan.arrays import Floats
 from turnscan.points._scatter import pooled_sigma
-from turnscan.stripes import Stripe, StripeFlag
+from turnscan.stripes import Stripe, StripeFlag, scattered
 
 LINES, WIDTH, NOISE = 200, 1.5, 0.02
+PATTERN = np.sqrt(20 * 0.4549) / 8 * (-1.0) ** np.arange(LINES)
+"""Every third difference of neighbours is the median that a standard normal scatter gives."""
 
 
 def stripe(per_width: float, flags: int = 0, lines: int = LINES) -> Stripe:
-    """With this scatter, as `choose` would give it."""
+    """With this scatter, as `choose` would give it, in a pattern whose third differences are as
+    large in all lines."""
     one = np.where(np.arange(LINES) < lines, 1.0, np.nan)
     sigma = np.sqrt(NOISE**2 + np.nan_to_num(per_width) * WIDTH)
     bits = np.full(LINES, flags, np.uint16)
-    return Stripe(100 * one, sigma * one, 80 * one, WIDTH * one, bits, scatter=per_width)
+    middle = 100 + sigma * PATTERN
+    return Stripe(middle * one, sigma * one, 80 * one, WIDTH * one, bits, scatter=per_width)
+
+
+def drawn(
+    per_width: float, noise: np.random.Generator, flags: int = 0, grain: int = 1, gap: int = 0
+) -> Stripe:
+    """A stripe that scatters so, in grains so many lines high, as `choose` would find it. A gap of
+    one line after each so many lines parts surfaces that lie 5 px apart."""
+    of_grain = np.repeat(noise.normal(size=-(-LINES // grain) + 1), grain)[grain // 2 :][:LINES]
+    middle = 100 + NOISE * noise.normal(size=LINES) + np.sqrt(per_width * WIDTH) * of_grain
+    if gap:
+        middle += 5.0 * (np.arange(LINES) // gap % 2)
+        middle[gap::gap] = np.nan
+    one = np.where(np.isnan(middle), np.nan, 1.0)
+    bits = np.full(LINES, flags, np.uint16)
+    plain = Stripe(middle, NOISE * one, 80 * one, WIDTH * one, bits)
+    sigma = scattered(plain)
+    own = float(np.nanmax(sigma**2 - NOISE**2) / WIDTH)
+    return replace(plain, sigma=sigma, scatter=own)
 
 
 def pooled(stripes: list[Stripe], closed: bool = True) -> Floats:
@@ -79,3 +101,25 @@ def test_what_is_far_off_on_the_turn_is_not_asked() -> None:
     sigma = pooled([stripe(s) for s in found])[:, 0] ** 2 - NOISE**2
     assert sigma[3] == pytest.approx(0.01 * WIDTH)
     assert sigma[11] == pytest.approx(0.012 * WIDTH)
+
+
+@pytest.mark.parametrize(("grain", "gap"), [(1, 0), (2, 0), (3, 0), (1, 25), (2, 25)])
+def test_chance_makes_it_no_larger_and_neither_grain_nor_edges_hide_or_feign_it(grain, gap):
+    noise = np.random.default_rng(31 * grain + gap)
+    true = 0.01
+    stripes = [drawn(true, noise, grain=grain, gap=gap) for _ in range(120)]
+    sigma = pooled(stripes)
+    found = np.nanmean(sigma**2 - NOISE**2) / WIDTH
+    # A median of squares knows a variance to 2.5 / sqrt(n); neighbours in a grain are one.
+    unsure = 2.5 / np.sqrt(120 * LINES / grain)
+    assert abs(found / true - 1) < 3 * unsure + 0.02
+    if grain == 1:
+        alone = np.mean([s.scatter for s in stripes])
+        assert found < alone, "each alone takes the largest of three"
+
+
+def test_further_centres_that_scatter_less_by_chance_are_not_asked():
+    noise = np.random.default_rng(5)
+    known = [drawn(0.0, noise) for _ in range(60)]
+    found = np.nanmean(pooled(known) ** 2) / NOISE**2
+    assert found == pytest.approx(1.0, abs=3 * 2.5 / np.sqrt(60 * LINES)), "photons say it all"

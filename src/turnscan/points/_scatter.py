@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from turnscan.arrays import Flags, Floats
-from turnscan.stripes import Stripe, StripeFlag
+from turnscan.stripes import Stripe, StripeFlag, scatters
 
 _FRAMES, _TURN = 8, np.pi / 4
 """Pictures before and after, at most, and the turn, rad, within which speckle is alike."""
 _OF_MEDIAN = 2.5
 """Uncertainty of a variance from the median of n squares, as a part, times √n."""
+_TWICE = 2.0
+"""Of those by which centres further apart scatter more than nearer ones, so that these share it."""
 _DIFFERS = 3.0
 """Of those by which the scatter of one picture must differ from the others' to be its own."""
 
@@ -25,9 +27,10 @@ def pooled_sigma(
 
     ``sigma`` (s, n) px, ``width`` (s, n) px and ``flags`` (s, n) are those of ``stripes``, or of
     some of their lines, in scan order at angles ``turns`` (s,) rad; a ``closed`` turn goes on
-    at its first. A single picture knows its scatter to a sixth or worse (`Stripe.scatter`). It has
-    the mean of those about it instead, by their lines, where its own does not surely differ; else
-    the nearest value that its own allows. What was set by hand, or refined, stays.
+    at its first. A single picture knows its scatter to a sixth or worse (`Stripe.scatter`), and
+    takes the largest of three. It has that of those about it instead (`_together`), where its own
+    does not surely differ; else the nearest value that its own allows. What was set by hand, or
+    refined, stays.
     """
     own = np.array([s.scatter for s in stripes])
     if not (own > 0).any():
@@ -36,11 +39,11 @@ def pooled_sigma(
     count = np.array([s.found.sum() for s in stripes])
     weight = np.where(np.isnan(own), 0.0, count)
     own = np.nan_to_num(own)
-    mean = _about(own, weight, turns, closed)
     share = np.where(clean, sigma**2 / np.where(clean, width, 1.0), 0.0)
     whole = share.sum(axis=1) / np.maximum(clean.sum(axis=1), 1)
-    unsure = _DIFFERS * _OF_MEDIAN / np.sqrt(np.maximum(count, 1))
     photons = np.maximum(whole - own, 0.0)
+    mean = _together(stripes, photons, turns, closed)
+    unsure = _DIFFERS * _OF_MEDIAN / np.sqrt(np.maximum(count, 1))
     least = np.maximum((photons + own) / (1 + unsure) - photons, 0.0)
     most = np.where(unsure < 1, (photons + own) / np.maximum(1 - unsure, 1e-9) - photons, np.inf)
     more = np.where(weight > 0, np.clip(mean, least, most), mean) - own
@@ -50,9 +53,22 @@ def pooled_sigma(
     return np.where(single & (width > 0), raised, sigma)
 
 
-def _about(own: Floats, weight: Floats, turns: Floats, closed: bool) -> Floats:
-    """(s,) the mean of the values (s,) of each picture and those about it, by their weight; its own
-    where none has any."""
+def _together(stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed: bool) -> Floats:
+    """(s,) the scatter of each picture and those about it, from centres as far apart as shows it:
+    further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain."""
+    values, counts = (np.stack(some) for some in zip(*map(scatters, stripes), strict=True))
+    best = np.zeros(len(stripes))
+    for i in range(values.shape[1]):
+        mean, count = _about(values[:, i], counts[:, i], turns, closed)
+        unsure = _TWICE * _OF_MEDIAN / np.sqrt(np.maximum(count, 1.0))
+        surely = mean > best + unsure * (np.maximum(best, 0.0) + photons)
+        best = np.where((count > 0) & (surely | (i == 0)), mean, best)
+    return np.maximum(best, 0.0)
+
+
+def _about(own: Floats, weight: Floats, turns: Floats, closed: bool) -> tuple[Floats, Floats]:
+    """(s,) the mean of the values (s,) of each picture and those about it, by their weight, its own
+    where none has any; and (s,) the sum of the weights."""
     size = len(own)
     total, weights = np.zeros(size), np.zeros(size)
     index = np.arange(size)
@@ -63,4 +79,4 @@ def _about(own: Floats, weight: Floats, turns: Floats, closed: bool) -> Floats:
         apart = np.abs(np.mod(turns[beside] - turns + np.pi, 2 * np.pi) - np.pi)
         w = np.where(there & (apart <= _TURN), weight[beside], 0.0)
         total, weights = total + w * own[beside], weights + w
-    return np.where(weights > 0, total / np.maximum(weights, 1e-300), own)
+    return np.where(weights > 0, total / np.maximum(weights, 1e-300), own), weights

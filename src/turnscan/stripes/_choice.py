@@ -292,6 +292,19 @@ def scatter(out: Floats, flags: Flags) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def scatter_by_lag(out: Floats, flags: Flags, values: Floats, counts: Floats) -> None:
+    """What `scatter` looks at: the variance at each of ``LAGS``, and from how many differences."""
+    for clean in (True, False):
+        enough = False
+        for i, lag in enumerate(LAGS):
+            values[i], count = unexplained(out, flags, lag, clean, -np.inf)
+            counts[i] = count if count >= ENOUGH_LINES else 0.0
+            enough = enough or count >= ENOUGH_LINES
+        if enough:
+            return
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def unexplained(
     out: Floats, flags: Flags, lag: int, clean: bool, least: float
 ) -> tuple[float, int]:
@@ -299,27 +312,29 @@ def unexplained(
 
     The value s is where half of the squared differences lie below the median of a Gaussian's with
     the variance sigma² + s·width: the median of the values that solve it line by line. Where that
-    is not above ``least``, it is not sought: ``least`` is returned.
+    is not above ``least``, it is not sought: ``least`` is returned. A difference across a line that
+    does not count is that of two surfaces.
     """
     lines = out.shape[1]
     values = np.empty(lines)
     n = 0
     above = 0
-    for v in range(lines - 3 * lag):
+    last = -1
+    for end in range(lines):
+        if np.isnan(out[0, end]) or (clean and flags[end] & ~np.uint16(MULTI | HALO)):
+            last = end
+        if last >= end - 3 * lag or end < 3 * lag:
+            continue
         difference = explained = width = 0.0
         for k in range(4):
-            w = v + k * lag
-            if clean and flags[w] & ~np.uint16(MULTI | HALO):
-                difference = np.nan
-                break
+            w = end - k * lag
             factor = THIRD[k]
             difference += factor * out[0, w]
             explained += factor * factor * out[1, w] ** 2
             width += factor * factor * out[3, w]
-        if not np.isnan(difference):
-            values[n] = (difference**2 / MEDIAN_SQUARE - explained) / width
-            above += values[n] > least
-            n += 1
+        values[n] = (difference**2 / MEDIAN_SQUARE - explained) / width
+        above += values[n] > least
+        n += 1
     return (np.median(values[:n]) if 2 * above > n else least), n
 
 
