@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from turnscan.arrays import Flags, Floats
-from turnscan.stripes import Stripe, StripeFlag, scatters
+from turnscan.stripes import Stripe, StripeFlag
 
 _FRAMES, _TURN = 8, np.pi / 4
 """Pictures before and after, at most, and the turn, rad, within which speckle is alike."""
@@ -56,7 +56,7 @@ def pooled_sigma(
 def _together(stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed: bool) -> Floats:
     """(s,) the scatter of each picture and those about it, from centres as far apart as shows it:
     further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain."""
-    values, counts = (np.stack(some) for some in zip(*map(scatters, stripes), strict=True))
+    values, counts = (np.stack(some) for some in zip(*(s.scatters() for s in stripes), strict=True))
     best = np.zeros(len(stripes))
     for i in range(values.shape[1]):
         mean, count = _about(values[:, i], counts[:, i], turns, closed)

@@ -90,23 +90,6 @@ def scattered(stripe: Stripe) -> Floats:
     return raised
 
 
-def scatters(stripe: Stripe) -> tuple[Floats, Floats]:
-    """(3,) px²/px: the variance that photons leave unexplained, as `Stripe.scatter`, from centres
-    1, 2 and 4 lines apart, and (3,) from how many differences; 0 where they are too few to tell.
-
-    Adjacent lines may share an error, which wider ones show; but the largest of three that chance
-    alone parts is too large. Several pictures together know which it is.
-    """
-    from turnscan.stripes._choice import LAGS, scatter_by_lag
-
-    table = stripe.table()
-    photons = table[1] ** 2 - np.nan_to_num(stripe.scatter) * table[3]
-    table[1] = np.sqrt(np.maximum(photons, 0.0))
-    values, counts = np.zeros(len(LAGS)), np.zeros(len(LAGS))
-    scatter_by_lag(table, np.array(stripe.flags), values, counts)
-    return np.where(counts > 0, values, 0.0), counts
-
-
 def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
     """Run the kernel: (5, lines, K) position, sigma, amplitude, width, halo; (lines, K) flags."""
     columns = lit.shape[1 if settings.orientation == "vertical" else 0]

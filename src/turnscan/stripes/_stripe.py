@@ -104,6 +104,22 @@ class Stripe:
         )
         return stripe
 
+    def scatters(self) -> tuple[Floats, Floats]:
+        """(3,) px: as `scatter`, from centres 1, 2 and 4 lines apart, and (3,) from how many
+        differences; 0 where they are too few to tell.
+
+        Adjacent lines may share an error, which wider ones show; but the largest of three that
+        chance alone parts is too large. Several pictures together know which it is.
+        """
+        from turnscan.stripes._choice import LAGS, scatter_by_lag
+
+        table = self.table()
+        photons = table[1] ** 2 - np.nan_to_num(self.scatter) * table[3]
+        table[1] = np.sqrt(np.maximum(photons, 0.0))
+        values, counts = np.zeros(len(LAGS)), np.zeros(len(LAGS))
+        scatter_by_lag(table, np.array(self.flags), values, counts)
+        return np.where(counts > 0, values, 0.0), counts
+
     def table(self) -> Floats:
         """(5, n) position, sigma, amplitude, width, halo: a copy."""
         return _table(self)
