@@ -78,7 +78,7 @@ class ByModule(LoadScopeScheduling):
         super()._assign_work_unit(node)
 
 
-FIRST, BACK = "gw0", 10
+FIRST, BACK = "gw0", 5
 """The process for what goes on in real time; by how much the others stand back (`os.nice`)."""
 LIVE = tuple(f"tests/{room}/" for room in ("acquire", "crash", "devices", "safety"))
 """Rooms whose tests wait most of their time, and need the processor at once when they do."""

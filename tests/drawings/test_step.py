@@ -26,9 +26,12 @@ from turnscan.drawings import (
     ShellMaker,
     Solid,
     StepPart,
+    _step,
     read_step,
     write_step,
 )  # fmt: skip
+from turnscan.drawings._parts import middle_and_size, parts_of
+from turnscan.drawings._step import faults_in_file
 from turnscan.errors import ExportError
 from turnscan.formats import read_about, write_ply
 from turnscan.mesh import Mesh, submesh
@@ -531,6 +534,33 @@ def test_faces_without_triangles_and_faults_are_said() -> None:
     assert "part.step: OpenCASCADE makes no triangles of 2 of its faces" in lost.message
     assert faults.code == "step.faults"
     assert not step_findings(replace(part, valid=True, lost=0), Path("part.step"))
+
+
+@pytest.mark.parametrize("change", ["parted", "left out"])
+def test_a_face_that_a_reader_parts_or_leaves_out_is_named_whatever_the_order(
+    change: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
+    from OCP.TopoDS import TopoDS_Compound
+
+    box = BRepPrimAPI_MakeBox(30.0, 20.0, 10.0).Shape()
+    solid = Solid(box, 6000.0, 6)
+    assert faults_in_file(solid) == ()
+    made = parts_of(box, "face")
+    (top,) = (k for k, f in enumerate(made) if middle_and_size(f)[2] == pytest.approx(10.0))
+    floor = gp_Pln(gp_Ax3(gp_Pnt(0, 0, 10), gp_Dir(0, 0, 1)))
+    ends = ((0.0, 29.0), (29.0, 30.0))
+    pieces = [BRepBuilderAPI_MakeFace(floor, a, b, 0.0, 20.0).Face() for a, b in ends]
+    there = [f for k, f in enumerate(made) if k != top]
+    read, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(read)
+    for face in [*(pieces if change == "parted" else []), *reversed(there)]:
+        builder.Add(read, face)
+    monkeypatch.setattr(_step, "_shape_in", lambda data: read)
+    assert faults_in_file(solid) == (top,)
 
 
 def test_iges_without_a_temporary_folder_is_refused(

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats
+
 _VOLUME = 1e-6
 """Of a volume."""
 
@@ -31,6 +33,27 @@ def extent_of(shape: Any) -> float:
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box)
     return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
+
+
+def middle_and_size(face: Any) -> tuple[float, float, float, float]:
+    """mm: the centre of mass of a face of OpenCASCADE, and the root of its area."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    p = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, p)
+    c = p.CentreOfMass()
+    return c.X(), c.Y(), c.Z(), float(np.sqrt(abs(p.Mass())))
+
+
+def distance_to(face: Any, point: Floats) -> float:
+    """mm from a point (3,) to a face of OpenCASCADE."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+    from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+    from OCP.gp import gp_Pnt
+
+    vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()
+    return float(BRepExtrema_DistShapeShape(vertex, face).Value())
 
 
 def volume_of(shape: Any) -> float:

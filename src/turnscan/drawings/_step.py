@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from turnscan.arrays import Ints
 from turnscan.drawings._document import document_of, silence, tessellated
 from turnscan.drawings._facets import facets_of
-from turnscan.drawings._parts import extent_of, parts_of, volume_of
+from turnscan.drawings._parts import (
+    distance_to,
+    extent_of,
+    middle_and_size,
+    parts_of,
+    volume_of,
+)
 from turnscan.drawings._solid import Solid, check_opencascade
 from turnscan.drawings._step_shapes import merged
 from turnscan.errors import ExportError, FormatError
@@ -20,6 +28,8 @@ from turnscan.shapes.primitives import Shape
 
 _NAME = "NAME"
 """Stands for the name until the file is written: OpenCASCADE writes other letters its own way."""
+_SAME = 1e-8
+"""Of the part's size, up to which middle and size of a face that is read back are those made."""
 _FINE = 2e-5
 """Of the part's size: how far facets may be off the faces, usually."""
 
@@ -135,18 +145,40 @@ def faults_in_file(solid: Solid) -> tuple[int, ...]:
     """The faces of a solid, by their number, that have faults when its STEP file is read back.
 
     A reader takes the tolerance of an edge from both its faces, so a face may be sound alone and
-    not beside its neighbours. None are named where it finds another number of faces.
+    not beside its neighbours. One that it parts into several, or leaves out, has faults, too.
     """
     from OCP.BRepCheck import BRepCheck_Analyzer
 
     shape = _shape_in(write_step(solid, _NAME, {}))
     faces = parts_of(shape, "face")
-    if len(faces) != solid.faces:
-        return ()
     whole = BRepCheck_Analyzer(shape)
-    return tuple(
+    bad = tuple(
         k for k, f in enumerate(faces) if not (whole.IsValid(f) and BRepCheck_Analyzer(f).IsValid())
     )
+    if len(faces) == solid.faces:
+        return bad
+    return _parted(parts_of(solid.shape, "face"), faces, bad)
+
+
+def _parted(made: Sequence[Any], read: Sequence[Any], bad: Sequence[int]) -> tuple[int, ...]:
+    """The faces, by their number, that were ``made`` and are not all of what was ``read``, or that
+    are ``bad`` there.
+
+    A reader that parts one gives all back in another order: they are known by middle and area.
+    """
+    from scipy.spatial import cKDTree
+
+    was, now = (np.array([middle_and_size(face) for face in some]) for some in (made, read))
+    off, partner = (np.asarray(found) for found in cKDTree(now).query(was))
+    owner = np.asarray(cKDTree(was).query(now)[1])
+    kept = owner[partner] == np.arange(len(made))
+    out = {*np.flatnonzero(~kept).tolist(), *owner[list(bad)].tolist()}
+    other = np.flatnonzero(off > _SAME * np.ptp(was, axis=0).max())
+    for k in np.setdiff1d(np.arange(len(read)), partner[kept]):
+        if len(other):
+            gaps = [distance_to(made[int(i)], now[k, :3]) for i in other]
+            out.add(int(other[np.argmin(gaps)]))
+    return tuple(sorted(out))
 
 
 def _shape_in(data: bytes) -> Any:
