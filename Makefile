@@ -69,7 +69,7 @@ demo: setup ## the main job from end to end: pictures → mesh → DXF, report a
 	$(BIN)/turnscan demo -o demo-output
 
 # More processes than cores: many tests wait for boards, cameras and leases in real time.
-WORKERS ?= 4
+WORKERS ?= 3
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder
 test: drivers ## run all tests
 	$(PYTEST) --durations=20
