@@ -12,7 +12,6 @@ import pytest
 from hypothesis import HealthCheck, settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
-from xdist.workermanage import WorkerController
 
 from tests.needs import budget, in_ci, needs_shared
 
@@ -37,12 +36,7 @@ def pytest_configure(config: pytest.Config) -> None:
     inherits. A handler does not survive the start of a program, so children have the default
     again, while the run itself goes on ignoring what it was told to ignore. The process that only
     hands out the tests stays as it is: its workers must inherit what it ignores.
-
-    Of several processes all but the first stand back, so that more of them than there are cores
-    do not delay what it does in real time.
     """
-    if getattr(config, "workerinput", {}).get("workerid", FIRST) != FIRST and hasattr(os, "nice"):
-        os.nice(BACK)
     if config.getoption("dist", "no") == "no":
         for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
             if signal.getsignal(number) == signal.SIG_IGN:
@@ -57,9 +51,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadSco
 class ByModule(LoadScopeScheduling):
     """A module's tests go to one process, so that what they share is made once.
 
-    The first process takes what waits for boards, guards and leases in real time, while there is
-    some. The others calculate, and stand back for it (`pytest_configure`).
-
     All that drives a browser goes to one process: it draws with the processor, and two of them
     leave nothing of two cores to the boards and leases that other tests wait for. So does what
     looks through all sources, which are parsed once there.
@@ -70,18 +61,6 @@ class ByModule(LoadScopeScheduling):
         if module.startswith(BROWSER):
             return "browser"
         return "sources" if module in PARSING else module
-
-    def _assign_work_unit(self, node: WorkerController) -> None:
-        live = [scope for scope in self.workqueue if scope.startswith(LIVE)]
-        if live and node.gateway.id == FIRST:
-            self.workqueue.move_to_end(live[0], last=False)
-        super()._assign_work_unit(node)
-
-
-FIRST, BACK = "gw0", 5
-"""The process for what goes on in real time; by how much the others stand back (`os.nice`)."""
-LIVE = tuple(f"tests/{room}/" for room in ("acquire", "crash", "devices", "safety"))
-"""Rooms whose tests wait most of their time, and need the processor at once when they do."""
 
 
 PARSING = [
@@ -109,7 +88,7 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    last = (*LIVE, *(f"tests/{room}/" for room in LAST))
+    last = tuple(f"tests/{room}/" for room in LAST)
     items.sort(key=lambda item: item.nodeid.startswith(last) - item.nodeid.startswith(BROWSER))
 
 
