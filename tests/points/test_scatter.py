@@ -118,8 +118,9 @@ def test_chance_makes_it_no_larger_and_neither_grain_nor_edges_hide_or_feign_it(
         assert found < alone, "each alone takes the largest of three"
 
 
-def test_further_centres_that_scatter_less_by_chance_are_not_asked():
+def test_where_photons_explain_all_chance_adds_nothing():
     noise = np.random.default_rng(5)
     known = [drawn(0.0, noise) for _ in range(60)]
+    assert sum(s.scatter > 0 for s in known) > 10, "alone, many find some by chance"
     found = np.nanmean(pooled(known) ** 2) / NOISE**2
     assert found == pytest.approx(1.0, abs=3 * 2.5 / np.sqrt(60 * LINES)), "photons say it all"

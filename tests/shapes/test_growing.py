@@ -109,3 +109,18 @@ def test_principal_directions_are_eigenvectors_the_least_first(spread: tuple[flo
     assert values == pytest.approx(spread, abs=1e-12)
     assert vectors.T @ vectors == pytest.approx(np.eye(3), abs=1e-12)
     assert M @ vectors == pytest.approx(vectors * values, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", SURFACES)
+def test_rows_of_a_fit_are_the_derivatives_and_distances_of_its_surface(kind: int) -> None:
+    q, X, _ = _patch_on(kind)
+    X = X + 0.01 * np.random.default_rng(3).normal(size=X.shape)
+    scale = np.random.default_rng(4).uniform(0.5, 2.0, len(X))
+    e1, e2 = surface.frame(q[3:6])
+    P = _fit_kernels._gathered(X, scale, np.arange(len(X)))
+    rows = np.empty((8, len(X)))
+    cost = _fit_kernels._rows(kind, q, e1, e2, P, 6.0, rows)
+    off, slopes = surface.jacobian(kind, q, X)
+    assert pytest.approx(slopes / scale[:, None], abs=1e-12) == rows[:7].T
+    assert rows[7] == pytest.approx(off / scale, abs=1e-12)
+    assert cost == pytest.approx(((off / scale) ** 2).sum())

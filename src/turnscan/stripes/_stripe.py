@@ -105,8 +105,8 @@ class Stripe:
         return stripe
 
     def scatters(self) -> tuple[Floats, Floats]:
-        """(3,) px: as `scatter`, from centres 1, 2 and 4 lines apart, and (3,) from how many
-        differences; 0 where they are too few to tell.
+        """(3,) px² for each px of width: as `scatter`, from centres 1, 2 and 4 lines apart, and
+        (3,) from how many differences; 0 where they are too few to tell.
 
         Adjacent lines may share an error, which wider ones show; but the largest of three that
         chance alone parts is too large. Several pictures together know which it is.
