@@ -168,10 +168,39 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     assert beside == pytest.approx(gap, rel=0.2)
     assert between[(at > 2) & (at < 7)].max() < 0.1 * gap
     (tube,) = range_surfaces(replace(grid, points=grid.points + out * (reach - 1.0)))
+    # Faces of what bends evenly bulge as its normals say; three tenths of that stay doubted.
     sagitta = reach * (1 - np.cos(step / 2))
-    assert tube.between(edges=np.inf) == pytest.approx(sagitta, rel=0.05)
+    assert tube.between(edges=np.inf) == pytest.approx(0.3 * sagitta, rel=0.05)
     capped = one.between(edges=0.2)
     assert capped.max() == pytest.approx(0.2, abs=0.05)
+
+
+@pytest.mark.parametrize("steps", [36, 60])
+def test_two_lasers_on_a_smooth_part_err_by_what_the_merge_says(steps):
+    """A barrel whose points are known to 0.08 and 0.12 mm in turn, as noise makes them err.
+
+    What is known worse is so by noise, too, and averages out; and what the faces bulge by their
+    normals is not doubted as a whole. Both made sigma a quarter too large once.
+    """
+    rng = np.random.default_rng(1)
+    z = 0.5 * np.arange(80)
+    sigma = np.broadcast_to(np.where(np.sin(z / 3) > 0, 0.08, 0.12), (steps, 80))
+    lasers = []
+    for name, shift in (("L0", 0.0), ("L1", 0.5)):
+        angles = (np.arange(steps) + shift) * 2 * np.pi / steps
+        out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+        exact = turned(angles, 30.0 - (z - 20.0) ** 2 / 80)
+        off = rng.normal(0.0, sigma)[..., None] * out[:, None]
+        lasers.append(replace(exact, laser=name, points=exact.points + off, sigma=sigma))
+    merged = merge(lasers, how="grid")[0]
+    X = merged.vertices
+    inner = (X[:, 2] > 3.0) & (X[:, 2] < 36.0)
+    off = np.hypot(*X.T[:2]) - (30.0 - (X[:, 2] - 20.0) ** 2 / 80)
+    off /= np.hypot(1.0, (X[:, 2] - 20.0) / 40)  # along the normal
+    ratio = (off / merged.provenance.sigma)[inner]
+    assert len(ratio) > 4000
+    assert 0.83 < np.sqrt(np.mean(ratio**2)) < 1.05
+    assert np.mean(np.abs(ratio) > 3) < 0.005
 
 
 def test_a_point_on_an_edge_counts_for_more_than_a_chord_beside_it():
@@ -248,13 +277,13 @@ def test_points_beside_the_axis_take_no_place_from_a_wall():
 
 
 def test_where_no_bend_was_seen_no_edge_says_that_there_is_none():
-    """Two profiles have no bend; nor does what is stored last say one at the border of four."""
+    """Two profiles have no bend; nor does what is stored last say one at the border of five."""
     (pair,) = range_surfaces(turned(np.arange(2) * 0.1, np.full(20, 20.0)))
     plain = pair.between()
     assert (plain > 0.1).all()
     np.testing.assert_array_equal(pair.between(edges=1.0), plain)
 
-    (one,) = range_surfaces(turned(np.arange(4) * 0.1, np.full(20, 20.0)))
+    (one,) = range_surfaces(turned(np.arange(5) * 0.1, np.full(20, 20.0)))
     said = one.between(edges=1.0)
     X = one.mesh.vertices.copy()
     X[-1, :2] *= 8.0  # the last vertex, at the far border

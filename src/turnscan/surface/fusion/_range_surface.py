@@ -16,12 +16,19 @@ from turnscan.points import RangeGrid
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
+NOISE = 1.3
+"""Usual sigma that noise makes of a point, at most, as the surface lies to the light: that averages
+out. What goes beyond are edges and chords, which move all surfaces alike."""
 _DOUBTED = 1.3
 """The usual noise is at most so many times that of the best known quarter of the points."""
 _BENT = 3.0
 """Combined sigma by which a bend must differ from the next to be an edge, …"""
 _SURE = 7.5
 """… and by which both must together, of which noise alone makes the root of six."""
+_EVEN = 6.0
+"""Sigma by which a bend differs from those beside it at most, where the surface bends evenly."""
+_BULGE = 0.3
+"""Part of a chord's sagitta that is doubted where normals tell it on an evenly bent surface."""
 
 
 @dataclass(frozen=True)
@@ -80,16 +87,19 @@ class RangeSurface:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal
-        beyond what noise makes of it, which is the sagitta of what bends evenly.
-        Where there are not three profiles in a row nothing is known of the bend; there it is an
-        eighth of the usual distance between two profiles. Up to ``edges`` mm it counts what an edge
-        between them does, with ``slight`` also one of which one profile shows little.
+        beyond what noise makes of it, which is the sagitta of what bends evenly. There a merge
+        bulges its faces as the normals say (`_variance_kernels.rise`); what these do not tell of
+        the sagitta counts, and a part of it. Where there are not three profiles in a row nothing is
+        known of the bend; there it is an eighth of the usual distance between two profiles. Up to
+        ``edges`` mm it counts what an edge between them does, with ``slight`` also one of which one
+        profile shows little.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
         second = np.where((before < 0) | (after < 0), np.nan, second)
-        # Noise bends three points by the root of six of it.
-        off = np.sqrt(np.maximum(second**2 - 6.0 * self.sigma**2, 0.0)) / 8.0
+        off = self._sagitta(second)
+        told = np.hypot(self._sagitta(second + self._bulge()), _BULGE * off)
+        off = np.where(self._evenly(second), np.fmin(off, told), off)
         aside = np.fmax(
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
@@ -99,6 +109,29 @@ class RangeSurface:
             off = np.maximum(off, np.minimum(self._creases(second, slight), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+
+    def _sagitta(self, second: Floats) -> Floats:
+        """(v,) mm: of second differences (v,), beyond what noise makes of them."""
+        # Noise bends three points by the root of six of it.
+        return np.asarray(np.sqrt(np.maximum(second**2 - 6.0 * self.sigma**2, 0.0)) / 8.0)
+
+    def _bulge(self) -> Floats:
+        """(v,) mm: by how much of their second difference merged faces bulge to both sides."""
+        from turnscan.surface.fusion import _variance_kernels as kernels
+
+        X, n = self.mesh.vertices, self.normals
+        before, after = self.neighbours
+        return np.asarray(kernels.rises(X, n, before) + kernels.rises(X, n, after))
+
+    def _evenly(self, second: Floats) -> Bools:
+        """(v,) True where the profiles about a vertex bend like its own (second differences)."""
+        before, after = self.neighbours
+        with np.errstate(invalid="ignore"):
+            apart = [
+                np.where(other < 0, np.nan, np.abs(second - second[other]))
+                for other in (before, after)
+            ]
+            return np.asarray(np.fmax(*apart) <= _EVEN * self.sigma)
 
     def _creases(self, second: Floats, slight: bool) -> Floats:
         """(v,) mm: how far an edge between two profiles stands off their chord, from the second

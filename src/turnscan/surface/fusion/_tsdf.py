@@ -17,7 +17,7 @@ from turnscan.mesh._parts import components, joined_provenance, submesh
 from turnscan.mesh._topology import half_edges
 from turnscan.remedy import Option, Remedy
 from turnscan.surface.fusion import _marching_cubes as _cubes
-from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
+from turnscan.surface.fusion._range_surface import NOISE, RangeSurface, usual_sigma
 
 if TYPE_CHECKING:
     from turnscan.surface.fusion._tsdf_kernels import Space
@@ -208,7 +208,7 @@ def _filled(
          s.normals, _border_weights(s, usual))
         for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip
-    believed = kernels.Believed(most, usual)
+    believed = kernels.Believed(most, NOISE * usual)
     for decide in (True, False):
         first = 0
         for (vertices, normals, weight), both in zip(known, looks, strict=True):

@@ -16,7 +16,7 @@ SIDE = 8
 CELLS = SIDE**3
 VALUES = 8
 DISTANCE, TOTAL, SPREAD, SHARED, NEAR, BEST, HELD, GRAIN = range(VALUES)
-"""What is known of a voxel: sums of weight × distance, of weights, of (weight × usual sigma)² and
+"""What is known of a voxel: sums of weight × distance, of weights, of (weight × noise)² and
 of weight × what goes beyond, the least distance, and of the strongest contribution its strength,
 its distance and its variance."""
 _AGREE = 3.0
@@ -63,8 +63,8 @@ class Believed(NamedTuple):
 
     most: float
     """mm between profiles beyond which a place adds nothing."""
-    usual: float
-    """mm: sigma of the usual point."""
+    noise: float
+    """mm: sigma that noise makes at most (`NOISE` usual ones)."""
 
 
 class Cubes(NamedTuple):
@@ -230,7 +230,7 @@ def add(
                     if decide:
                         _decide(volume, block, cell, w, d, own, ramp, source, first + nearest)
                     elif w > 0.0:
-                        _average(volume, block, cell, w, d, own, wide, believed.usual)
+                        _average(volume, block, cell, w, d, own, wide, believed.noise)
 
 
 @njit(cache=True, nogil=True)
@@ -252,11 +252,11 @@ def _decide(
 @njit(cache=True, nogil=True)
 def _average(
     volume: Singles, block: int, cell: int, w: float, d: float, own: float, wide: float,
-    usual: float,
+    noise: float,
 ) -> None:  # fmt: skip
     """Add to the sums of a voxel what agrees with the strongest contribution.
 
-    Noise up to the ``usual`` sigma averages out; what goes beyond it are edges and chords, which
+    Sigma up to that of ``noise`` averages out; what goes beyond it are edges and chords, which
     move all surfaces alike.
     """
     held = volume[HELD, block, cell]
@@ -264,9 +264,9 @@ def _average(
     if abs(d - held) <= most:
         volume[DISTANCE, block, cell] += w * d
         volume[TOTAL, block, cell] += w
-        noise = min(wide, usual * usual)
-        volume[SPREAD, block, cell] += w * w * noise
-        volume[SHARED, block, cell] += w * np.sqrt(wide - noise)
+        own_part = min(wide, noise * noise)
+        volume[SPREAD, block, cell] += w * w * own_part
+        volume[SHARED, block, cell] += w * np.sqrt(wide - own_part)
 
 
 @njit(cache=True, nogil=True)

@@ -55,3 +55,13 @@ def rise(points: Floats, normals: Floats, a: int, b: int) -> float:
         dot += normals[a, i] * normals[b, i]
         rise += (normals[b, i] - normals[a, i]) * (points[b, i] - points[a, i])
     return rise / 2.0 if dot > _BENT else 0.0
+
+
+@njit(cache=True, nogil=True)
+def rises(points: Floats, normals: Floats, other: Ints) -> Floats:
+    """(v,) mm: `rise` between each vertex and the ``other`` (v,) one; 0 where that is −1."""
+    out = np.zeros(len(points))
+    for a in range(len(points)):
+        if other[a] >= 0:
+            out[a] = rise(points, normals, a, other[a])
+    return out
