@@ -172,6 +172,35 @@ def test_of_what_next_to_nothing_is_left_no_stripe_is_believed(width, light, gon
     assert not np.delete(glow, 7, 0).any()
 
 
+@pytest.mark.parametrize(
+    ("width", "bright", "gone"),
+    [
+        (3.0, 0.03, True),
+        (0.4, 0.03, True),
+        (3.0, 0.08, False),  # bright enough for a grazed surface
+        (1.0, 0.03, False),  # dark paint
+        (0.6, 0.03, False),  # the same, cut
+    ],
+)
+def test_between_coarse_steps_a_stretch_of_faint_light_is_no_surface_by_its_widths(
+    width, bright, gone
+):
+    """In the gap between two teeth of a gear, in steps after which no other profile lies in it:
+    a glow, and peaks of noise in it."""
+    glow = wholeness(notched(width, bright * width)).glow
+    assert np.all(glow[7] == gone)
+    assert not np.delete(glow, 7, 0).any()
+
+
+def test_a_stretch_of_faint_light_is_judged_by_most_of_its_stripes():
+    some = notched(1.0, 0.03)
+    width = some.width.copy()
+    width[7, :7] *= 3.0
+    assert wholeness(replace(some, width=width)).glow[7].all()
+    width[7, 3:7] /= 3.0
+    assert not wholeness(replace(some, width=width)).glow.any()
+
+
 @pytest.mark.parametrize("lines", [1, 2, 4])
 def test_a_line_that_two_surfaces_above_each_other_share_is_doubted(lines):
     """It is as wide as due, and much fainter than those on either side; four of them are more than

@@ -50,6 +50,9 @@ _LEAST, _MOST = 0.02, 0.5
 _SPENT, _HALF = 0.01, 0.5
 """Parts of the usual light and of the width on a surface that faces the camera, less than which of
 both is left of no stripe that tells where the sheet's middle is."""
+_STRAY, _ODD = 0.05, (0.5, 2.0)
+"""Part of the usual peak below which light is asked whether it comes in stripes, and the parts of
+the width on a surface that faces the camera from which to which a stripe is one."""
 
 
 class Own(NamedTuple):
@@ -246,3 +249,36 @@ def spent(
         due = _due(_facing(light, at)[0], thickness, due_on)
         out[at] = own.width[at] < _HALF * due
     return out
+
+
+def strays(light: LitPoints, thickness: float, due_on: Callable[[Floats], Floats]) -> Bools:
+    """(s, n) True in stretches of profiles with a twentieth of the usual peak at most, where most
+    stripes are far narrower or far wider than a whole one on a surface that faces the camera.
+
+    Where the sheet passes between the teeth of a gear, nothing is lit but what they throw on each
+    other: a wide glow, and peaks of noise in it. In coarse steps no profile beside says how wide a
+    stripe is due there. What is painted as dark is as wide as the rest, and stays.
+    """
+    out = np.zeros(light.width.shape, dtype=np.bool_)
+    have = light.amplitude[light.width > 0]
+    if not (thickness > 0 and len(have)):
+        return out
+    with np.errstate(invalid="ignore"):
+        faint = (light.width > 0) & (light.amplitude < _STRAY * float(np.median(have)))
+    at = np.nonzero(faint)
+    if len(at[0]):
+        part = light.width[at] / _due(_facing(light, at)[0], thickness, due_on)
+        out[at] = (part < _ODD[0]) | (part > _ODD[1])
+    return runs_of(out, faint)
+
+
+def runs_of(glow: Bools, dim: Bools) -> Bools:
+    """(s, n) True for the runs of ``dim`` points along profiles most of which ``glow``.
+
+    Where little of such light is left it is narrow, too; and a few wide stripes among many that are
+    dim are chance, on a surface that light grazes.
+    """
+    start = dim & ~np.pad(dim, ((0, 0), (1, 0)))[:, :-1]
+    run = np.where(dim, np.cumsum(start.ravel()).reshape(dim.shape), 0)
+    most = 2 * np.bincount(run[glow & dim], minlength=int(run.max()) + 1) > np.bincount(run.ravel())
+    return np.asarray(dim & most[run])

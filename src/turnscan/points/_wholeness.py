@@ -26,7 +26,7 @@ from turnscan.points._creased import (
 )
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
-from turnscan.points._own_light import Alone, Own, by_own_light, spent
+from turnscan.points._own_light import Alone, Own, by_own_light, runs_of, spent, strays
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -194,7 +194,8 @@ def _lying(
 
     in_parts(part, size, -(-size // _TOGETHER))
     lit = Own(width, bright, walk)
-    glow = _runs_of(glow, dim) | spent(light, lit, thickness, due_on)
+    glow = runs_of(glow, dim) | spent(light, lit, thickness, due_on)
+    glow |= strays(light, thickness, due_on)
     still = np.isinf(walk).any(axis=0)
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     lone = (np.isnan(walk).all(axis=0) | (ends & np.isnan(flat)).any(axis=0)) & ~still
@@ -204,18 +205,6 @@ def _lying(
     doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
     own = Wholeness(shift, doubt, tail, glow, slide, thickness if told else 0.0)
     return own, thickness, still
-
-
-def _runs_of(glow: Bools, dim: Bools) -> Bools:
-    """(s, n) True for the runs of ``dim`` points along profiles most of which ``glow``.
-
-    Where little of such light is left it is narrow, too; and a few wide stripes among many that are
-    dim are chance, on a surface that light grazes.
-    """
-    start = dim & ~np.pad(dim, ((0, 0), (1, 0)))[:, :-1]
-    run = np.where(dim, np.cumsum(start.ravel()).reshape(dim.shape), 0)
-    most = 2 * np.bincount(run[glow & dim], minlength=int(run.max()) + 1) > np.bincount(run.ravel())
-    return np.asarray(dim & most[run])
 
 
 def _dim(width: Floats, light: Floats, found: Bools) -> Bools:
