@@ -67,8 +67,8 @@ def decimate(
 
 
 def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
-    """The mesh without the vertices ``which`` (v,) that can move into a neighbour, and (w,) which
-    of those that are left could not.
+    """The mesh without the vertices ``which`` (v,) that can move into a neighbour, and (v,) which
+    of all are left.
 
     All others stay where they are, with longer faces between them. The rules are `decimate`'s: no
     face turns over, borders move along themselves only, and the surface hangs together as it did.
@@ -83,7 +83,7 @@ def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
     faces, kept = _faces(net)
     left = np.zeros(len(which), dtype=np.bool_)
     left[faces[kept]] = True
-    return submesh(replace(mesh, faces=faces), kept), which[left]
+    return submesh(replace(mesh, faces=faces), kept), left
 
 
 def _faces(net: Any) -> tuple[Ints, Bools]:

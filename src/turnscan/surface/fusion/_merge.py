@@ -168,11 +168,12 @@ def _confirmed(
 
     What was guessed beside a measured point, or is known badly there, goes onto it (`seated`);
     between profiles it is spanned by faces between the vertices that are left, and where that does
-    not go, as beyond the end of a profile, its faces go. What is confirmed from afar alone is known
+    not go, as beyond the end of a profile, its faces go. So is what stands afar from all points,
+    but where that does not go it stays, with its sigma. What is confirmed from afar alone is known
     no better than that. Faces that close a seam are not measured, and need no witness.
     """
     told = witnessed(mesh, surfaces, voxel, most)
-    good, guessed, loose = told.confirmed, told.guessed, told.loose
+    good, guessed, loose, afar = told.confirmed, told.guessed, told.loose, told.afar
     p = mesh.provenance
     if p is not None:
         sigma = np.where(good & ~np.isnan(p.sigma), told.sigma, p.sigma)
@@ -180,16 +181,19 @@ def _confirmed(
     if mesh.measured is not None:
         made = np.zeros(len(mesh.vertices), dtype=np.bool_)
         made[mesh.faces[~mesh.measured]] = True
-        good, guessed, loose = good | made, guessed & ~made, loose & ~made
+        good, guessed, loose, afar = good | made, guessed & ~made, loose & ~made, afar & ~made
     out = list[Finding]()
     if not good.all():
         text = f"{int((~good).sum())} vertices far from every measured surface are removed"
         out.append(Finding("surface.unmeasured", "note", text, _about(mesh.vertices[~good])))
         mesh, left = _without(mesh, ~good)
-        guessed, loose = guessed[left], loose[left]
+        guessed, loose, afar = guessed[left], loose[left], afar[left]
     if (guessed | loose).any():
         mesh, unseated = seated(mesh, guessed | loose, surfaces, voxel)
-        mesh, guessed = dissolve(mesh, guessed & unseated)
+        guessed &= unseated
+    if (guessed | afar).any():
+        mesh, left = dissolve(mesh, guessed | afar)
+        guessed = guessed[left]
     if guessed.any():
         text = f"{int(guessed.sum())} vertices between profiles, or beyond their ends, are removed"
         out.append(Finding("surface.guessed", "note", text, _about(mesh.vertices[guessed])))

@@ -23,6 +23,9 @@ _CHORD = 1.5
 """… usual sigma by which it may lie off what was measured there, …"""
 _CLOSE, _VAGUE = 0.5, 3.0
 """… and voxels further than which it may not have so many usual sigma itself."""
+_AFAR, _UNKNOWN = 1.5, 4.0
+"""Voxels from every measured point beyond which nothing was measured, however flat the chords, and
+the part of that way by which the surface may lie elsewhere."""
 _BESIDE = 2.0
 """Usual sigma that any may lie off every measured surface."""
 
@@ -39,6 +42,8 @@ class Witness(NamedTuple):
     profiles, or beyond the end of one."""
     loose: Bools
     """(v,) True for others that stand beside a measured vertex and are known badly."""
+    afar: Bools
+    """(v,) True for others that stand far from all that was measured, on chords without a bend."""
 
 
 def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float) -> Witness:
@@ -52,7 +57,9 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     beside all points that were measured and lies one and a half beside the surfaces, what they may
     do between their profiles included; and, further than half a voxel from those points, one that
     has a sigma of three. Loose is another of such a sigma, of what noise makes, that stands beside
-    its nearest measured point.
+    its nearest measured point. Afar is any other that stands one and a half voxels from all of
+    them: a groove may be narrower than the step, of which no chord tells. Its sigma takes in a
+    quarter of that way.
     """
     import igl
 
@@ -92,8 +99,11 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     chord = doubt > _CHORD * usual
     guessed = chord & (reach > _ON * voxel) | (least > _BESIDE * sure)
     guessed |= (own > _VAGUE * usual) & (reach > _CLOSE * voxel)
-    loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed
-    return Witness(out, np.maximum(np.hypot(own, beside), away), guessed, loose)
+    afar = (reach > _AFAR * voxel) & ~guessed
+    loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed & ~afar
+    sigma = np.maximum(np.hypot(own, beside), away)
+    sigma[afar] = np.hypot(sigma[afar], reach[afar] / _UNKNOWN)
+    return Witness(out, sigma, guessed, loose, afar)
 
 
 def _half_way(places: Floats, ends: Floats, ranks: Ints) -> Floats:
