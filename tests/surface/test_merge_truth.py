@@ -15,11 +15,11 @@ import pytest
 from tests.surface.grids import turned
 from tests.surface.known_parts import PARTS, scan, scanned
 from turnscan.mesh import Mesh, Provenance, longest_sides
+from turnscan.points import usual_sigma
 from turnscan.shapes import deviation
 from turnscan.surface.clean import drop_islands
 from turnscan.surface.fusion import RangeSurface, merge, range_surfaces
 from turnscan.surface.fusion._carve import carved
-from turnscan.surface.fusion._range_surface import usual_sigma
 from turnscan.surface.fusion._seat import seated
 from turnscan.surface.fusion._witness import witnessed
 

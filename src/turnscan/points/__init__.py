@@ -10,7 +10,7 @@ from turnscan.points._findings import (
     together_findings,
 )
 from turnscan.points._grid import Origin, RangeGrid
-from turnscan.points._normal_sigma import normal_sigma
+from turnscan.points._normal_sigma import normal_sigma, usual_sigma
 from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Along, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
@@ -70,6 +70,7 @@ __all__ = [
     "to_object",
     "together_findings",
     "triangulate",
+    "usual_sigma",
     "view_mask",
     "whole_turns",
     "widened",

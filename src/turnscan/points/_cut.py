@@ -43,7 +43,8 @@ def by_light(left: Floats, whole: float = 1.0) -> Floats:
     return np.asarray(np.exp(-0.5 * ndtri(f) ** 2) / (np.sqrt(2 * np.pi) * f))
 
 
-def lacking(left: Floats) -> Floats:
-    """How far, in widths of the whole one, it is doubted for the light that it lacks."""
+def lacking(left: Floats, part: float = _LACKING) -> Floats:
+    """How far, in widths of the whole one, it is doubted for the light that it lacks: this ``part``
+    of how far the cut that takes so much moves a centre."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(left < _WHOLE, _LACKING * by_light(left, _WHOLE), 0.0))
+        return np.asarray(np.where(left < _WHOLE, part * by_light(left, _WHOLE), 0.0))

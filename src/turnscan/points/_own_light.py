@@ -23,6 +23,9 @@ _SURE, _SURE_ALONE, _SURE_STILL, _DIM = 0.15, 0.25, 0.7, 0.5
 """Part of its width, on a surface that faces the camera, that a stripe may lack for other reasons:
 where the profiles beside do not agree, where none tells how the surface lies, and where no turn
 moves a point; and the part of the usual light, for its width, below which …"""
+_NONE = 0.05
+"""Part of its width that speckle makes any stripe lack: where chords tell nothing, one that lacks
+between this and `_SURE` is cut as probably as it lacks more."""
 _DARK = 0.7
 """Part of a line's best light with less of which it is asked whether the slope explains it."""
 _USUAL = 0.7
@@ -41,6 +44,8 @@ _OFTEN = 0.5
 like says nothing."""
 _NARROWER = 0.08
 """Part of their width that the stripes of a line lack at least where all of them are cut alike."""
+_LINES = 4
+"""Lines to either side whose median says how wide and bright a line's stripes are."""
 _APART, _SOME = 5, 64
 """Lines apart, of so many steps, that tell how far speckle makes the light of stripes differ; …"""
 _LEAST, _MOST = 0.02, 0.5
@@ -120,11 +125,14 @@ def by_own_light(
     off = by_light(left, 1.0 - noise)
     blind = alone.blind[at] & ~(fits & _round(own.walk[:, at[0], at[1]], (facing, lean), left))
     found = np.where(blind, _USUAL * np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
-    cut = (ratio < 1 - _SURE) & ~(fits & alone.agree[at])
-    # Where all of a line is cut alike, no slope explains that light is missing, nor does paint.
-    slope = np.where(alike[at[1]], 1.0, np.cos(np.arctan((1 - 1 / ratio) / lean)))
-    of_slope, cut = left / slope, cut | alike[at[1]]
-    found = np.maximum(found, np.where(cut, lacking(of_slope), 0.0) * width)
+    cut = np.clip((1 - ratio - _NONE) / (_SURE - _NONE), 0.0, 1.0)
+    cut = np.where(blind, np.sqrt(cut), ratio < 1 - _SURE) * ~(fits & alone.agree[at])
+    # Where all of a line is cut alike, no slope explains that light is missing, nor does paint: the
+    # cut is known, and all that it moves a centre of a whole stripe counts.
+    all_alike = alike[at[1]]
+    of_slope = left / np.cos(np.arctan((1 - 1 / ratio) / lean))
+    found = np.maximum(found, cut * lacking(of_slope) * width)
+    found = np.where(all_alike, np.maximum(found, lacking(left, 1.0) * due), found)
     # What is wider lies on surfaces behind each other, and may have all of its light; more light
     # than a whole stripe has comes from elsewhere.
     told = (width <= (1 + _SURE) * due) & (left <= 1.0 + 2.0 * noise)
@@ -219,13 +227,24 @@ def _of_whole(
     if not bright.any():
         return out, alike
     bright &= best[known] >= _BRIGHT * np.quantile(best[known][bright], _BEST)
-    as_wide, as_light, about = (
-        np.interp(known, known[bright], values[bright]) for values in (wide, usual, best[known])
+    as_light, about = (
+        np.interp(known, known[bright], values[bright]) for values in (usual, best[known])
     )
-    cut = (wide < (1 - _NARROWER) * as_wide) & (usual < _DARK * as_light)
-    cut &= best[known] < _BRIGHT * about
+    # Speckle makes a line by itself as wide, or as bright, as others are cut.
+    wide, less, least = (
+        _median_about(values, _LINES) for values in (wide, usual / as_light, best[known] / about)
+    )
+    cut = (wide < (1 - _NARROWER) * np.median(wide[bright])) & (less < _DARK) & (least < _BRIGHT)
+    cut &= ~bright
     out[known[cut]], alike[known[cut]] = about[cut], True
     return out, alike
+
+
+def _median_about(values: Floats, reach: int) -> Floats:
+    """(n,) the median of each with up to ``reach`` to either side."""
+    from scipy.ndimage import median_filter
+
+    return np.asarray(median_filter(values, 2 * reach + 1, mode="nearest"))
 
 
 def spent(

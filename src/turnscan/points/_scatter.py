@@ -57,6 +57,11 @@ def _together(stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed:
     """(s,) the scatter of each picture and those about it, from centres as far apart as shows it:
     further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain."""
     values, counts = (np.stack(some) for some in zip(*(s.scatters() for s in stripes), strict=True))
+    # A variance is known as well as all that makes it is small: where photons decide, as in light
+    # from the bottom of a gap, a picture says little of what its centres scatter besides.
+    usual = float(np.median(values[values > 0])) if (values > 0).any() else 0.0
+    if usual > 0:
+        counts = counts / (1.0 + photons / usual)[:, None] ** 2
     best = np.zeros(len(stripes))
     for i in range(values.shape[1]):
         mean, count = _about(values[:, i], counts[:, i], turns, closed)

@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import submesh
-from turnscan.points import Along, RangeGrid
+from turnscan.points import Along, RangeGrid, usual_sigma
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits
 from turnscan.surface.decimation import dissolve
@@ -27,7 +27,6 @@ from turnscan.surface.fusion._range_surface import (
     range_surfaces,
     rise,
     spacing,
-    usual_sigma,
 )
 from turnscan.surface.fusion._seat import seated
 from turnscan.surface.fusion._tsdf import fuse

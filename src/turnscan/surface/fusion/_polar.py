@@ -12,9 +12,9 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import joined_provenance
-from turnscan.points import Along, RangeGrid
+from turnscan.points import Along, RangeGrid, usual_sigma
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
-from turnscan.surface.fusion._range_surface import NOISE, RangeSurface, usual_sigma
+from turnscan.surface.fusion._range_surface import NOISE, RangeSurface
 
 _CLASHES = 0.005
 """Share of the cells with two radii above which a part is re-entrant."""

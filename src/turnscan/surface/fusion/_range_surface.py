@@ -19,8 +19,6 @@ from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 NOISE = 1.3
 """Usual sigma that noise makes of a point, at most, as the surface lies to the light: that averages
 out. What goes beyond are edges and chords, which move all surfaces alike."""
-_DOUBTED = 1.3
-"""The usual noise is at most so many times that of the best known quarter of the points."""
 _BENT = 3.0
 """Combined sigma by which a bend must differ from the next to be an edge, …"""
 _SURE = 7.5
@@ -187,18 +185,6 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
     eyes = grid.eyes[at]
     return RangeSurface(mesh, eyes, smoothed_normals(mesh))
-
-
-def usual_sigma(sigma: Floats) -> float:
-    """What noise usually makes of points of these sigma (v,), mm; 0 for none.
-
-    The median; where edges and creases make more than half of the points doubtful, a little more
-    than the quarter that is known best.
-    """
-    if not len(sigma):
-        return 0.0
-    best, middle = np.quantile(sigma, (0.25, 0.5))
-    return float(min(middle, _DOUBTED * best))
 
 
 def spacing(surfaces: Sequence[RangeSurface]) -> float:

@@ -11,7 +11,8 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import vertex_normals
 from turnscan.mesh._parts import joined_provenance
-from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
+from turnscan.points import usual_sigma
+from turnscan.surface.fusion._range_surface import RangeSurface
 
 _ALIKE = 0.7
 """Cosine between the normals of a vertex and of the point that it goes onto."""

@@ -15,9 +15,10 @@ from turnscan.mesh._fair import fair
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import components, joined_provenance, submesh
 from turnscan.mesh._topology import half_edges
+from turnscan.points import usual_sigma
 from turnscan.remedy import Option, Remedy
 from turnscan.surface.fusion import _marching_cubes as _cubes
-from turnscan.surface.fusion._range_surface import NOISE, RangeSurface, usual_sigma
+from turnscan.surface.fusion._range_surface import NOISE, RangeSurface
 
 if TYPE_CHECKING:
     from turnscan.surface.fusion._tsdf_kernels import Space

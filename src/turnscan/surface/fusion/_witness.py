@@ -9,7 +9,8 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh
-from turnscan.surface.fusion._range_surface import RangeSurface, usual_sigma
+from turnscan.points import usual_sigma
+from turnscan.surface.fusion._range_surface import RangeSurface
 
 _SIGMAS = 3.0
 """Combined sigma that a merged vertex may lie off a surface that confirms it."""
