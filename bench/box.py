@@ -25,7 +25,8 @@ from turnscan.arrays import Floats
 from turnscan.detection import detect_scan
 from turnscan.gridding import to_grids
 from turnscan.meshing import to_mesh
-from turnscan.points import RangeGrid, goes_round
+from turnscan.points import RangeGrid
+from turnscan.points._build import goes_round
 from turnscan.rig import Rig
 from turnscan.scan import Scan
 from turnscan.settings import Settings

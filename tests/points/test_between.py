@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.errors import InputError, LimitExceeded
-from turnscan.points import Between, RangeGrid, goes_round, respace
+from turnscan.points import Between, RangeGrid, respace
+from turnscan.points._build import goes_round
 
 RADIUS, NOISE = 30.0, 0.05
 

@@ -23,7 +23,6 @@ from turnscan.points import (
     cloud,
     drop_specks,
     every,
-    goes_round,
     grid_findings,
     lost_frames,
     profiles,
@@ -34,6 +33,7 @@ from turnscan.points import (
     without,
     working_volume,
 )
+from turnscan.points._build import goes_round
 from turnscan.points._triangulate import beyond_axis
 from turnscan.remedy import Remedy
 from turnscan.rig import Marker, Pose, Rig

@@ -154,7 +154,8 @@ def test_lines_whose_stripes_are_all_cut_alike_are_held_against_others(width, li
     )  # fmt: skip
     there = gap & ~none
     if doubted:
-        assert np.all((doubt[there] > 0.3 * DUE) & (doubt[there] < 0.7 * DUE)), doubt[there] / DUE
+        # All that a cut at the middle moves a Gaussian: 0.8 of its width, and what noise makes.
+        assert np.all((doubt[there] > 0.65 * DUE) & (doubt[there] < 0.95 * DUE)), doubt[there] / DUE
     else:
         assert not doubt[there].any()
     assert not doubt[~gap].any()

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from turnscan.mesh import Mesh
-from turnscan.points import RangeGrid, goes_round
+from turnscan.points import RangeGrid
+from turnscan.points._build import goes_round
 from turnscan.surface import mesh_grid
 
 
