@@ -62,6 +62,24 @@ def test_what_each_picture_finds_by_chance_is_taken_together(closed: bool) -> No
     assert np.sqrt((sigma**2).mean()) == pytest.approx(np.sqrt((own**2).mean()), rel=0.01)
 
 
+def test_pictures_in_which_photons_decide_do_not_say_how_others_scatter() -> None:
+    """Every second one shows the dim bottom of a gap, and claims more noise than it has."""
+    noise = np.random.default_rng(6)
+    bright = [drawn(0.01, noise) for _ in range(20)]
+    claimed = np.full(LINES, 0.25)
+    dim = [
+        replace(
+            Stripe(100 + 0.2 * noise.normal(size=LINES), claimed, 5 + 0 * claimed,
+                   np.full(LINES, WIDTH), np.zeros(LINES, np.uint16)),
+            scatter=0.0,
+        )
+        for _ in range(20)
+    ]  # fmt: skip
+    sigma = pooled([s for pair in zip(bright, dim, strict=True) for s in pair])[::2]
+    usual = float(np.median(sigma))
+    assert usual == pytest.approx(np.sqrt(NOISE**2 + 0.01 * WIDTH), rel=0.08)
+
+
 def test_pictures_that_surely_scatter_otherwise_keep_what_is_theirs() -> None:
     found = np.full(60, 0.01)
     found[20] = 0.2

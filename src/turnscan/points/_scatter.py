@@ -58,8 +58,9 @@ def _together(stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed:
     further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain."""
     values, counts = (np.stack(some) for some in zip(*(s.scatters() for s in stripes), strict=True))
     # A variance is known as well as all that makes it is small: where photons decide, as in light
-    # from the bottom of a gap, a picture says little of what its centres scatter besides.
-    usual = float(np.median(values[values > 0])) if (values > 0).any() else 0.0
+    # from the bottom of a gap, a picture says little of what its centres scatter besides. Where
+    # they explain all in most pictures, there is nothing to be known better.
+    usual = float(np.median(values[:, 0]))
     if usual > 0:
         counts = counts / (1.0 + photons / usual)[:, None] ** 2
     best = np.zeros(len(stripes))
