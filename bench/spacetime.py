@@ -110,7 +110,7 @@ class Outcome:
 
     def row(self) -> dict[str, float]:
         """Figures of the refined points, and of all whose elements were followed."""
-        m, some = self.swept.refined, self.swept.followed
+        m, some = self.swept.refined, self.swept.followed & ~np.isnan(self.before)
         if not some.any():
             return {"followed %": 0.0}
         out = {"followed %": 100 * float(some[~np.isnan(self.before)].mean())}

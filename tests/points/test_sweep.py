@@ -52,9 +52,11 @@ def test_bars_of_ten_to_one_no_longer_pull() -> None:
 
 
 def test_bars_through_a_lens_that_blurs() -> None:
-    _, before, after = both(BLURRED)
+    """The blur is told by what it pulls, and put back: 18 µm without, and sigmas half as large."""
+    done, before, after = both(BLURRED)
     assert before > 0.07
-    assert 0.005 < after < 0.020
+    assert 0.005 < after < 0.016
+    assert 0.7 < honest(done) < 1.4
 
 
 def test_the_thickness_of_the_sheet_comes_out() -> None:

@@ -34,6 +34,16 @@ _START = 1.5
 _SURE, _FAR = 1.5, 3.0
 """Sigmas of its own by which a centre of more noise must differ to count, and sigmas of the
 ordinary one by which it must to make that less certain."""
+_MANY = 200
+"""Bends that must be there to tell how the pictures are blurred."""
+_FINE = 0.05
+"""px to which bends are weighed."""
+_TRIMS, _TRIM = 8, 4.5
+"""Rounds, and median departures from which a bend is that of an edge."""
+_CERTAIN = 3.0
+"""Standard deviations by which there must be a blur."""
+_BESIDE = 0.8
+"""Part of a blur's pull on the frames beside that a centre is uncertain by."""
 _DOUBT = 0.5
 """Widths that a centre is uncertain by at least where its element is not one of a surface."""
 
@@ -92,24 +102,87 @@ def refine(
     if np.isnan(thickness):
         most = kernels.GAP * places.width
         return Swept(tuple(stripes), none, none, places.width, places.arc, most)
-    done, followed, refined = list[Stripe](), none.copy(), none.copy()
+    found = np.empty((len(stripes), 6, shape[1]))
     for first in range(0, len(stripes), _CHUNK):
         some = range(first, min(first + _CHUNK, len(stripes)))
-        for k, found in zip(some, job.refined(some, thickness), strict=True):
-            stripe, refined[k] = _combined(stripes[k], found)
-            followed[k] = ~np.isnan(found[4])
-            done.append(stripe)
+        found[some.start : some.stop] = job.refined(some, thickness)
+    apart = max(round(kernels.HALF * thickness / max(places.arc, 1e-9)), 1)
+    blur = _blur(found[:, 0], found[:, 1], found[:, 5], apart)
+    found[:, 2] += (_BESIDE * blur * _pulled_beside(found[:, 5])) ** 2
+    done, refined = list[Stripe](), none.copy()
+    for k, stripe in enumerate(stripes):
+        new, refined[k] = _combined(stripe, found[k], blur)
+        done.append(new)
+    followed = ~np.isnan(found[:, 4])
     most = kernels.GAP * thickness
     return Swept(tuple(done), followed, refined, thickness, places.arc, most)
 
 
-def _combined(old: Stripe, found: Floats) -> tuple[Stripe, Bools]:
-    """The ordinary stripe with what `_sweep_kernels.refine_lines` found, (5, n); where that is new.
+def _blur(centre: Floats, noise: Floats, pull: Floats, apart: int) -> float:
+    """Half the variance of the pictures' blur, px²; 0 where it cannot be told.
 
-    An ordinary centre of less noise stays where the new one does not contradict it. Where it is
-    far off for its own sigma, or its element has no light that balances, that makes it uncertain.
+    A blur mixes the light of neighbours, and pulls each centre by ``pull`` (s, n) px per px² of
+    it. A smooth surface bends little over ``apart`` frames, or lines, beyond the sheet to both
+    sides; so what the centres (s, n), of variances ``noise`` (s, n), bend as the pull does is the
+    blur's. Edges bend otherwise, and are left out.
     """
-    centre, noise, doubt, _, off = found
+    from turnscan.points import _sweep_kernels as kernels
+
+    bent, pulled = (_bends(a, apart) for a in (centre, pull))
+    spread = np.maximum(_bends(noise, apart, 4.0), _FINE**2)
+    with np.errstate(invalid="ignore"):
+        known = ~np.isnan(bent) & ((kernels.BLUR * pulled) ** 2 > spread)
+    if np.count_nonzero(known) < _MANY:
+        return 0.0
+    bent, pulled, spread = bent[known], pulled[known], spread[known]
+    half = _middle(bent / pulled, np.abs(pulled) / np.sqrt(spread))
+    for _ in range(_TRIMS):
+        left = np.abs(bent - half * pulled) / np.sqrt(spread)
+        weight = np.where(left <= _TRIM * np.median(left), pulled / spread, 0.0)
+        half = float(np.sum(weight * bent) / np.sum(weight * pulled))
+    off = np.sqrt(np.sum((weight * (bent - half * pulled)) ** 2)) / np.sum(weight * pulled)
+    # More than any lens makes is an edge's.
+    return half if _CERTAIN * off < half < kernels.BLUR else 0.0
+
+
+def _pulled_beside(pull: Floats) -> Floats:
+    """(s, n) px per px²: by what a blur pulls the same line in the frames beside, at most.
+
+    Where the pull changes its sign its own value says nothing of terms of higher order.
+    """
+    size = np.nan_to_num(np.abs(pull))
+    return np.asarray(np.maximum(np.roll(size, 1, axis=0), np.roll(size, -1, axis=0)))
+
+
+def _bends(values: Floats, apart: int, middle: float = -2.0) -> Floats:
+    """Sums of two of values (s, n) ``apart`` and ``middle`` times the one between them: first those
+    of frames, then those of lines."""
+    return np.concatenate(
+        [
+            (a[: -2 * apart] + middle * a[apart:-apart] + a[2 * apart :]).ravel()
+            for a in (values, values.T)
+            if len(a) > 2 * apart
+        ]
+        or [np.zeros(0)]
+    )
+
+
+def _middle(values: Floats, weights: Floats) -> float:
+    """The median of values (n,) that have weights (n,)."""
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(share, 0.5 * share[-1])]])
+
+
+def _combined(old: Stripe, found: Floats, blur: float) -> tuple[Stripe, Bools]:
+    """The ordinary stripe with what `_sweep_kernels.refine_lines` found, (6, n); where that is new.
+
+    What a ``blur`` (`_blur`) pulls is put back. An ordinary centre of less noise stays where the
+    new one does not contradict it. Where it is far off for its own sigma, or its element has no
+    light that balances, that makes it uncertain.
+    """
+    centre, noise, doubt, _, off, pull = found
+    centre = centre - blur * pull
     there = ~np.isnan(centre)
     gap = np.where(there, 0.0, np.nan)
     alone = replace(
@@ -227,7 +300,7 @@ class _Job:
         return float(np.nanmedian(seen)) if not np.isnan(seen).all() else np.nan
 
     def refined(self, some: range, thickness: float) -> list[Floats]:
-        """What `_sweep_kernels.refine_lines` finds in these successive frames, (5, n) each."""
+        """What `_sweep_kernels.refine_lines` finds in these successive frames, (6, n) each."""
         from turnscan.points import _sweep_kernels as kernels
 
         places, n = self._places, len(self._places.turns)
@@ -245,7 +318,7 @@ class _Job:
             away = np.mod(turns[near] - places.turns[k] + np.pi, 2 * np.pi) - np.pi
             seen = (light[near], places.top, starts[near], away)
             sweep, terms = (places.paths, float(_PITCH)), (thickness, *self._pieces[k][1:])
-            out = np.empty((5, places.position.shape[1]))
+            out = np.empty((6, places.position.shape[1]))
             kernels.refine_lines(seen, sweep, places.position[k], terms, out)
             return out
 

@@ -34,7 +34,7 @@ FIRST_MOVE = 0.05
 LONGEST, FARTHEST = 1.0, 3.0
 """A step, and all of them together, in thicknesses."""
 BLUR = 0.3
-"""px²: half the variance of a blur by lens and demosaicing that may be there or not."""
+"""px²: half the variance of a blur by lens and demosaicing, at most."""
 VAGUE = 1.0
 """Thicknesses of uncertainty from which light says nothing."""
 FULL = 0.92
@@ -223,11 +223,12 @@ def uncertainty(
     column: float,
     terms: tuple[float, float, float],
     samples: Floats,
-) -> tuple[float, float, float]:
-    """Variance of the balance, mm², by noise and by doubt, and the light's rms distance from the
-    sheet over what it must be.
+) -> tuple[float, float, float, float]:
+    """Variance of the balance, mm², by noise and by doubt; the light's rms distance from the sheet
+    over what it must be; and by how many mm a blur moves the balance, per px² of half its variance:
+    it adds so much of the light's second derivative.
 
-    Doubt is about a blur that nobody knows of, and about a sheet that seems too thick or thin.
+    Doubt is about a blur of `BLUR`, and about a sheet that seems too thick or thin.
     """
     thickness, noise, per_level = terms
     s0 = s1 = s2 = spread = 0.0
@@ -240,16 +241,16 @@ def uncertainty(
         pixels = noise * noise + per_level * max(value, 0.0)
         spread += (w * d) ** 2 * pixels * samples[j, 3]
     if s0 <= 0.0 or s2 <= 0.0:
-        return np.inf, 0.0, 0.0
+        return np.inf, 0.0, 0.0, 0.0
     for side in (-1.0, 1.0):
         follow(seen, path, line, column + side, thickness, samples)
         for j in range(count):
             s1 += share(samples[j, 0], thickness) * samples[j, 1] * samples[j, 0] * samples[j, 2]
     # The middle one of the three places of the second difference balances.
-    blurred = BLUR * s1 / s0
+    pull = s1 / s0
     wide = math.sqrt(s2 / s0) / (FULL * thickness)
     odd = max(abs(wide - 1.0) - USUAL, 0.0) * thickness
-    return spread / (s0 * s0), blurred * blurred + odd * odd, wide
+    return spread / (s0 * s0), (BLUR * pull) ** 2 + odd * odd, wide, pull
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -267,9 +268,10 @@ def refine_lines(
     which is one of them. ``sweep`` is paths and their pitch, ``terms`` the sheet's rms thickness,
     mm, the noise of a pixel and its variance per level of light.
 
-    ``out`` (5, n): centre, px, its variance, px², by noise and by doubt, and the light's rms
+    ``out`` (6, n): centre, px, its variance, px², by noise and by doubt, and the light's rms
     distance from the sheet over what it must be, where there is an answer; px that ``position`` was
-    off balance where the frames cover the sheet. All else is NaN.
+    off balance where the frames cover the sheet; and, where there is an answer, px by which a blur
+    pulls the centre per px² of half its variance. All else is NaN.
     """
     thickness = terms[0]
     samples = np.empty((seen[3].size, 4))
@@ -282,9 +284,10 @@ def refine_lines(
         out[4, line] = first
         if np.isnan(centre):
             continue
-        noise, doubt, wide = uncertainty(seen, path, line, centre, terms, samples)
+        noise, doubt, wide, pull = uncertainty(seen, path, line, centre, terms, samples)
         if noise + doubt < (VAGUE * thickness) ** 2 and NARROW < wide < WIDE:
             out[0, line] = centre
             out[1, line] = noise / (slope * slope)
             out[2, line] = doubt / (slope * slope)
             out[3, line] = wide
+            out[5, line] = pull / slope
