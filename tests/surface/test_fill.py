@@ -19,7 +19,15 @@ from turnscan.mesh import Mesh, Provenance, cut_touching, is_closed, join, sound
 from turnscan.meshing import to_mesh
 from turnscan.settings import Settings
 from turnscan.surface import mesh_grid
-from turnscan.surface.holes import ClosingOptions, close, closings, fill, holes
+from turnscan.surface.holes import (
+    ClosingOptions,
+    _fill,
+    _patch_kernels,
+    close,
+    closings,
+    fill,
+    holes,
+)
 
 WAYS = ("flat", "tangent", "curvature")
 
@@ -288,3 +296,47 @@ def test_the_top_is_closed_as_asked_for(top):
         low, high = 12.0, 12.0 - 0.2 * rim
         assert done.volume == pytest.approx(n * rim / 3 * (low**2 + low * high + high**2), rel=2e-3)
     assert "surface.floor" in [f.code for f in said]
+
+
+def can_be_spanned(taken: np.ndarray) -> bool:
+    """Whether triangles between the vertices of a loop avoid all chords that are taken (m, m)."""
+    m = len(taken)
+    good = np.zeros((m, m), dtype=bool)
+    for width in range(1, m):
+        for i in range(m - width):
+            k = i + width
+            free = width in (1, m - 1) or not taken[i, k]
+            good[i, k] = free and (
+                width == 1 or any(good[i, j] and good[j, k] for j in range(i + 1, k))
+            )
+    return bool(good[0, m - 1])
+
+
+@settings(max_examples=200)
+@given(m=st.integers(3, 12), share=st.floats(0.0, 1.0), seed=st.integers(0, 10_000))
+def test_a_loop_is_spanned_without_chords_that_are_taken_or_not_at_all(m, share, seed):
+    """Where none is free nothing is written: it was, beyond the end of what was made for it."""
+    rng = np.random.default_rng(seed)
+    taken = rng.random((m, m)) < share
+    taken |= taken.T
+    points, outer = rng.normal(size=(2, m, 3))
+    for bent in (False, True):
+        faces, sound = _patch_kernels.span(points, outer, taken, bent)
+        assert sound == can_be_spanned(taken)
+        if not sound:
+            continue
+        a, b = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
+        border = ((b - a) % m == 1) | ((a - b) % m == 1)
+        assert border.sum() == m
+        assert not taken[a[~border], b[~border]].any()
+
+
+@pytest.mark.parametrize("m", [5, 450])
+def test_a_loop_all_of_whose_chords_are_taken_is_filled_from_its_middle(m):
+    """A long one, too, which is spanned in parts."""
+    turn = 2 * np.pi * np.arange(m) / m
+    points = np.c_[np.cos(turn), np.sin(turn), np.zeros(m)]
+    ring, taken = np.arange(m, dtype=np.int32), np.ones((m, m), dtype=bool)
+    done = _fill._patch(ring, points, 2 * points, np.ones(m), taken, "membrane")
+    assert len(done.faces) == m
+    assert (done.faces == m).sum() == m

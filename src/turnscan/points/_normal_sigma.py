@@ -13,7 +13,7 @@ _STEADY = 8.0
 """Usual sigma that a tangent is long, at least."""
 _TOGETHER = 64
 """Steps whose points are computed at a time."""
-_LEAST = 0.2
+_LEAST = 0.3
 """Share of a point's sigma below which none is believed: normals are not known better."""
 _NOISE = 1.3
 """Usual sigmas that noise makes: what a point claims beyond comes from edges, creases and veils.

@@ -216,7 +216,10 @@ def _area(points: Floats, faces: Ints) -> float:
 
 
 def _spanned(points: Floats, outer: Floats, used: Bools, *, bent: bool) -> tuple[Ints, bool]:
-    """Triangles (m − 2, 3) of a loop; a long one is spanned coarsely, then between its corners."""
+    """Triangles (m − 2, 3) of a loop; a long one is spanned coarsely, then between its corners.
+
+    False where chords that are ``used`` leave none; the triangles say nothing then.
+    """
     from turnscan.surface.holes import _patch_kernels as kernels
 
     m = len(points)
@@ -226,6 +229,8 @@ def _spanned(points: Floats, outer: Floats, used: Bools, *, bent: bool) -> tuple
     cuts = np.linspace(0, m, _LONGEST // 2, endpoint=False).astype(np.int32)
     some = np.ix_(cuts, cuts)
     coarse, sound = _spanned(points[cuts], outer[cuts], used[some], bent=bent)
+    if not sound:
+        return coarse, False
     ends = np.append(cuts[1:], m)
     inside = {(int(a), int(b)): int(c) for t in coarse for a, b, c in _turned(t)}
     parts = [cuts[coarse]]
@@ -236,9 +241,10 @@ def _spanned(points: Floats, outer: Floats, used: Bools, *, bent: bool) -> tuple
         far = cuts[inside[i, (i + 1) % len(cuts)]]
         beyond = np.concatenate([outer[chain[:-1]], points[far][None]])
         faces, good = _spanned(points[chain], beyond, used[np.ix_(chain, chain)], bent=bent)
+        if not good:
+            return faces, False
         parts.append(chain[faces])
-        sound = sound and good
-    return np.concatenate(parts), sound
+    return np.concatenate(parts), True
 
 
 def _turned(t: Ints) -> list[tuple[int, int, int]]:

@@ -101,7 +101,7 @@ def _best(
     best_bend, best_area = np.inf, np.inf
     for j in range(i + 1, k):
         b = max(bend[i, j], bend[j, k])
-        if not b <= best_bend:
+        if not b < np.inf or b > best_bend:  # a chord that is forbidden, or spans nothing
             continue
         s = _normal(points[i], points[j], points[k], n)
         if bent:
