@@ -16,8 +16,8 @@ _TOGETHER = 64
 _LEAST = 0.3
 """Share of a point's sigma below which none is believed: normals are not known better."""
 _NOISE = 1.3
-"""Usual sigmas that noise makes: what a point claims beyond comes from edges, creases and veils.
-There a centre is off the same way as those beside it, and the plane through them is no surface."""
+"""Usual sigmas that noise makes, at most, as the surface lies to the light. What a point claims
+beyond comes from edges, creases and veils, where it is off the same way as those beside it."""
 _DOUBTED = 1.3
 """The usual noise is at most so many times that of the best known quarter of the points."""
 _SHEET = 2_000
@@ -31,8 +31,8 @@ def normal_sigma(grid: RangeGrid) -> Floats:
 
     A stripe's centre moves its point along the laser's sheet (`RangeGrid.sigma`); of that, what
     leads along the surface is no error of the surface. Where a point or those about it claim more
-    than noise makes, the plane through them may lie otherwise by as much. As it is where the
-    camera's place or the sheet is not known.
+    than noise makes, the plane through them is no surface, and may lie otherwise by as much. As it
+    is where the camera's place or the sheet is not known.
     """
     from turnscan.points import _normal_kernels as kernels
 
@@ -46,9 +46,12 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     arc = np.nan_to_num(np.hypot(grid.points[..., 0], grid.points[..., 1]) * usual)
     arc = np.maximum(arc, 0.25 * float(np.median(arc[found])))
     known = grid.sigma[found]
-    noise = usual_sigma(known[np.isfinite(known)])
+    known = known[np.isfinite(known)]
+    noise = usual_sigma(known)
     share, far = np.empty(found.shape), max(_STEADY * noise, 1e-9)
-    doubt = np.sqrt(np.maximum(np.nan_to_num(grid.sigma) ** 2 - (_NOISE * noise) ** 2, 0.0))
+    doubt = np.sqrt(
+        np.maximum(np.nan_to_num(grid.sigma) ** 2 - usual_sigma(known, most=True) ** 2, 0.0)
+    )
 
     def part(first: int, end: int) -> None:
         there, X = found[first:end], grid.points[first:end]
@@ -62,8 +65,8 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     return np.asarray(grid.sigma * np.maximum(share, _LEAST))
 
 
-def usual_sigma(sigma: Floats) -> float:
-    """What noise usually makes of points of these sigma (v,), mm; 0 for none.
+def usual_sigma(sigma: Floats, *, most: bool = False) -> float:
+    """What noise usually makes of points of these sigma (v,), mm, or at ``most``; 0 for none.
 
     The median; where edges and creases make more than half of the points doubtful, a little more
     than the quarter that is known best.
@@ -71,7 +74,7 @@ def usual_sigma(sigma: Floats) -> float:
     if not len(sigma):
         return 0.0
     best, middle = np.quantile(sigma, (0.25, 0.5))
-    return float(min(middle, _DOUBTED * best))
+    return float(min(middle, _DOUBTED * best)) * (_NOISE if most else 1.0)
 
 
 def _sheet_normals(grid: RangeGrid) -> Floats | None:

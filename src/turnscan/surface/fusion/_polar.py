@@ -14,7 +14,7 @@ from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import joined_provenance
 from turnscan.points import Along, RangeGrid, usual_sigma
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
-from turnscan.surface.fusion._range_surface import NOISE, RangeSurface
+from turnscan.surface.fusion._range_surface import RangeSurface
 
 _CLASHES = 0.005
 """Share of the cells with two radii above which a part is re-entrant."""
@@ -198,8 +198,8 @@ def merge_polar(
     Where all that was measured in a cell lies within three combined sigma of the best (largest
     cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
-    it makes a measurement count less, and the sigma of a cell larger. Averaging lowers noise
-    alone (`NOISE`): what is known worse, at an edge or between profiles, all surfaces may have
+    it makes a measurement count less, and the sigma of a cell larger. Averaging lowers noise alone
+    (`usual_sigma`): what is known worse, at an edge or between profiles, all surfaces may have
     alike.
     Where its bend may be more than three quarters of a line's distance and more than three usual
     sigma, nothing was measured, and the cell is left to the other surfaces; so is one between
@@ -207,7 +207,8 @@ def merge_polar(
     nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
-    usual = usual_sigma(grid.noise[~np.isnan(grid.noise)])
+    measured = grid.noise[~np.isnan(grid.noise)]
+    usual = usual_sigma(measured)
     with np.errstate(invalid="ignore"):
         guess = grid.bend**2 - grid.noise**2 > max(_GUESS * grid.rise, _JUMP * usual) ** 2
     guess |= _vague(grid, surfaces, _VAGUE * usual)
@@ -227,7 +228,7 @@ def merge_polar(
     with np.errstate(invalid="ignore", divide="ignore"):
         radius = np.nansum(weight * grid.radius, axis=0) / total
         phi = grid.angles[:, None] + np.nansum(weight * grid.aside, axis=0) / total
-        known = np.minimum(grid.spread, NOISE * usual)
+        known = np.minimum(grid.spread, usual_sigma(measured, most=True))
         common = np.sqrt(grid.spread**2 - known**2)
         sigma = np.sqrt(
             np.nansum((weight * known) ** 2, axis=0) + np.nansum(weight * common, axis=0) ** 2

@@ -16,9 +16,6 @@ from turnscan.points import RangeGrid
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
-NOISE = 1.3
-"""Usual sigma that noise makes of a point, at most, as the surface lies to the light: that averages
-out. What goes beyond are edges and chords, which move all surfaces alike."""
 _BENT = 3.0
 """Combined sigma by which a bend must differ from the next to be an edge, …"""
 _SURE = 7.5

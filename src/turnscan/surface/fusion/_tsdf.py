@@ -18,7 +18,7 @@ from turnscan.mesh._topology import half_edges
 from turnscan.points import usual_sigma
 from turnscan.remedy import Option, Remedy
 from turnscan.surface.fusion import _marching_cubes as _cubes
-from turnscan.surface.fusion._range_surface import NOISE, RangeSurface
+from turnscan.surface.fusion._range_surface import RangeSurface
 
 if TYPE_CHECKING:
     from turnscan.surface.fusion._tsdf_kernels import Space
@@ -202,14 +202,15 @@ def _filled(
     volume = np.zeros((kernels.VALUES, blocks, kernels.CELLS), dtype=np.float32)
     volume[kernels.NEAR] = np.inf
     source = np.full(volume.shape[1:], -1, dtype=np.int32)
-    usual = usual_sigma(np.concatenate([s.sigma for s in parts])) or 1.0
+    every = np.concatenate([s.sigma for s in parts])
+    usual = usual_sigma(every) or 1.0
     between = [s.between(_EDGES * most, slight=True) for s in parts]
     known = [
         (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks),
          s.normals, _border_weights(s, usual))
         for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip
-    believed = kernels.Believed(most, NOISE * usual)
+    believed = kernels.Believed(most, usual_sigma(every, most=True) or 1.0)
     for decide in (True, False):
         first = 0
         for (vertices, normals, weight), both in zip(known, looks, strict=True):
