@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.mesh.checks import check_sound, cube, euler
+from tests.mesh.open_meshes import ball
 from tests.reports import into
 from tests.surface.grids import column, random_grid
 from turnscan.errors import InputError
@@ -17,6 +18,7 @@ from turnscan.mesh import (
     Mesh,
     boundary_loops,
     components,
+    crossings,
     cut_touching,
     is_closed,
     sample_surface,
@@ -88,6 +90,19 @@ def test_no_face_turns_over() -> None:
     less = decimate(mesh, faces=1000)
     near = deviation(less.triangles.mean(axis=1), mesh).face
     assert (np.einsum("ij,ij->i", normals(less), normals(mesh)[near]) > 0).all()
+
+
+def test_sides_of_a_thin_wall_do_not_cut_through_each_other() -> None:
+    """The tolerance, three times the wall, would let them: 550 pairs of faces did."""
+    outside = ball(24)
+    n, size = len(outside.vertices), float(np.linalg.norm(outside.vertices[0]))
+    wall = Mesh(
+        np.concatenate([outside.vertices, 0.995 * outside.vertices]),
+        np.concatenate([outside.faces, outside.faces[:, ::-1] + n]),
+    )
+    less = decimate(wall, tolerance=0.015 * size)
+    assert len(less.faces) < 0.8 * len(wall.faces)
+    assert not len(crossings(less))
 
 
 def test_vertices_that_are_left_stand_where_they_were_measured() -> None:

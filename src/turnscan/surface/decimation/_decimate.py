@@ -12,6 +12,7 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import measured, submesh
+from turnscan.mesh._soundness import crossings
 from turnscan.mesh._topology import opposite_half_edges, vertex_fans
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
@@ -24,6 +25,10 @@ _AT_A_TIME = 10_000
 """Vertices looked at from one word about the progress to the next."""
 _FEWEST = 4
 """Faces of the smallest closed surface."""
+_ROUNDS = 6
+"""So often vertices are held where faces would cut through each other, and all is begun anew."""
+_NEAREST = 4
+"""Vertices that are held there at least."""
 
 
 def decimate(
@@ -44,7 +49,8 @@ def decimate(
 
     With a tolerance no place of either surface lies further than that from the other one, and no
     border vertex from the new border: both are compared at vertices, sides and insides of faces,
-    which are held to two thirds of it. Where ``faces`` cannot be reached more are left.
+    which are held to two thirds of it. Where ``faces`` cannot be reached more are left. With a
+    tolerance vertices stay where faces would cut through each other, as far as that helps.
     ``progress`` hears now and then how much of it is done.
 
     Raises InputError where neither is given, or one is not positive.
@@ -60,10 +66,41 @@ def decimate(
         raise InputError(f"decimate to {faces} faces", hint=f"give {_FEWEST} or more")
     if len(mesh.faces) <= (faces or 0):
         return mesh
-    net = _net(mesh, np.inf if tolerance is None else tolerance)
-    _collapse(net, faces or 0, progress)
-    left, kept = _faces(net)
-    return submesh(replace(mesh, faces=left), kept)
+    from turnscan.surface.decimation import _net_kernels as kernels
+
+    held = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    best, fewest = mesh, np.inf
+    for begun_anew in range(_ROUNDS):
+        net = _net(mesh, np.inf if tolerance is None else tolerance)
+        net.ids[held, kernels.LOCKED] = 1
+        # The share that was heard of is not taken back.
+        _collapse(net, faces or 0, progress.subrange(1, 1) if begun_anew else progress)
+        left, kept = _faces(net)
+        done = submesh(replace(mesh, faces=left), kept)
+        if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
+            return done
+        pairs = crossings(done)
+        if len(pairs) < fewest:
+            best, fewest = done, len(pairs)
+        about = _where_cut(mesh.vertices, done.triangles[pairs])
+        if held[about].all():
+            break
+        held[about] = True
+    return best
+
+
+def _where_cut(X: Floats, pairs: Floats) -> Ints:
+    """Vertices X (v, 3) where two triangles cut each other, pairs (k, 2, 3, 3): those in the balls
+    about the boxes that two of them share, and the nearest ones."""
+    from scipy.spatial import cKDTree
+
+    if not len(pairs):
+        return np.zeros(0, dtype=np.int32)
+    low, high = pairs.min(axis=2).max(axis=1), pairs.max(axis=2).min(axis=1)
+    tree, middle = cKDTree(X), (low + high) / 2
+    near = tree.query(middle, k=_NEAREST)[1]
+    inside = tree.query_ball_point(middle, np.linalg.norm(high - low, axis=1) / 2)
+    return np.unique(np.concatenate([near.ravel(), *inside])).astype(np.int32)
 
 
 def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
