@@ -90,6 +90,8 @@ _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
 """Steps whose widths are judged at a time."""
+_STRETCH = 0.67
+"""Part of the doubt about the lines beside it that is about each line."""
 _LEAST = 0.25
 """Part of the median arc below which no step is believed to be: beside the axis it is none."""
 
@@ -129,7 +131,8 @@ def wholeness(light: LitPoints) -> Wholeness:
     of one whose middle passes by.
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), what is
     narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
-    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`).
+    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). By chance
+    one line of a doubted stretch looks well; it is doubted by a part of what those about it are.
     """
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
@@ -140,7 +143,9 @@ def wholeness(light: LitPoints) -> Wholeness:
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
     more = np.maximum(more, _faint_between(width, width * bright, arcs, thickness, light.closed))
-    return replace(own, doubt=np.maximum(own.doubt, more - np.abs(own.shift)))
+    doubt = np.maximum(own.doubt, more - np.abs(own.shift))
+    about = _STRETCH * _steady(np.where(found, doubt, np.nan))
+    return replace(own, doubt=np.fmax(doubt, about))
 
 
 def _lying(
