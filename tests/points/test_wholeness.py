@@ -235,7 +235,7 @@ def test_noise_of_points_and_widths_is_no_cut():
     doubt = wholeness(noisy).doubt[6]
     assert (doubt > 0.3 * 2.0).mean() > 0.9, "noise does not hide an edge"
     about = np.median(np.lib.stride_tricks.sliding_window_view(doubt, 5), axis=1)
-    assert np.all(doubt[2:-2] > 0.6 * about), "nor does it from one line in its midst"
+    assert np.all(doubt[2:-2] > 0.55 * about), "nor does it from one line in its midst"
 
 
 def test_coarse_chords_of_a_round_part_are_no_crease():
@@ -454,6 +454,19 @@ def test_a_stripe_that_the_end_of_a_wall_cuts_is_put_back(end, sign, c):
     inner = np.arange(S) != end
     assert not told.shift[inner].any()
     assert not told.tail.any()
+
+
+def test_a_line_that_stays_beside_some_that_are_put_back_is_doubted():
+    """Both cannot be right; which is, nobody knows."""
+    c = 0.3
+    off = norm.pdf(c) / norm.cdf(c)
+    light = wall()
+    light.width[0, : N // 2] *= np.sqrt(1 - c * off - off**2)
+    told = wholeness(light)
+    stays = np.flatnonzero(told.shift[0] == 0.0)
+    assert stays[0] == N // 2
+    assert np.all(told.doubt[0, stays[:2]] > 0.5 * told.shift[0, stays[0] - 1])
+    assert not told.doubt[0, stays[2:]].any()
 
 
 @pytest.mark.parametrize("error", [0.9, 0.95, 1.05])

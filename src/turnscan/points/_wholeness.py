@@ -90,8 +90,8 @@ _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _TOGETHER = 64
 """Steps whose widths are judged at a time."""
-_STRETCH = 0.67
-"""Part of the doubt about the lines beside it that is about each line."""
+_STRETCH = 0.6
+"""Part of what the lines beside one are doubted or put back by that it is doubted by."""
 _LEAST = 0.25
 """Part of the median arc below which no step is believed to be: beside the axis it is none."""
 
@@ -132,7 +132,8 @@ def wholeness(light: LitPoints) -> Wholeness:
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), what is
     narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
     (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). By chance
-    one line of a doubted stretch looks well; it is doubted by a part of what those about it are.
+    one line of a doubted stretch looks well, or one of a stretch that is put back stays; it is
+    doubted by a part of what those about it are, or are put back by.
     """
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
@@ -144,8 +145,17 @@ def wholeness(light: LitPoints) -> Wholeness:
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
     more = np.maximum(more, _faint_between(width, width * bright, arcs, thickness, light.closed))
     doubt = np.maximum(own.doubt, more - np.abs(own.shift))
-    about = _STRETCH * _steady(np.where(found, doubt, np.nan))
-    return replace(own, doubt=np.fmax(doubt, about))
+    about = np.fmax(_steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
+    return replace(own, doubt=np.fmax(doubt, _STRETCH * about))
+
+
+def _otherwise(shift: Floats, found: Bools) -> Floats:
+    """(s, n) px: by how much at most one of the two lines to either side of one that stays where it
+    is was put back."""
+    moved = np.pad(np.where(found, np.abs(shift), 0.0), ((0, 0), (2, 2)))
+    n = shift.shape[1]
+    beside = np.max([moved[:, k : k + n] for k in (0, 1, 3, 4)], axis=0)
+    return np.where(shift == 0.0, beside, 0.0)
 
 
 def _lying(
