@@ -119,7 +119,7 @@ def refine(
 
 
 def _blur(centre: Floats, noise: Floats, pull: Floats, apart: int) -> float:
-    """Half the variance of the pictures' blur, px²; 0 where it cannot be told.
+    """Half the variance of the pictures' blur, px²; 0 where it is not known.
 
     A blur mixes the light of neighbours, and pulls each centre by ``pull`` (s, n) px per px² of
     it. A smooth surface bends little over ``apart`` frames, or lines, beyond the sheet to both

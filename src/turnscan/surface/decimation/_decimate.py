@@ -26,7 +26,7 @@ _AT_A_TIME = 10_000
 _FEWEST = 4
 """Faces of the smallest closed surface."""
 _ROUNDS = 6
-"""So often vertices are held where faces would cut through each other, and all is begun anew."""
+"""Rounds in which more vertices are held, where faces would cut through each other."""
 _NEAREST = 4
 """Vertices that are held there at least."""
 
@@ -70,11 +70,11 @@ def decimate(
 
     held = np.zeros(len(mesh.vertices), dtype=np.bool_)
     best, fewest = mesh, np.inf
-    for begun_anew in range(_ROUNDS):
+    for again in range(_ROUNDS):
         net = _net(mesh, np.inf if tolerance is None else tolerance)
         net.ids[held, kernels.LOCKED] = 1
         # The share that was heard of is not taken back.
-        _collapse(net, faces or 0, progress.subrange(1, 1) if begun_anew else progress)
+        _collapse(net, faces or 0, progress.subrange(1, 1) if again else progress)
         left, kept = _faces(net)
         done = submesh(replace(mesh, faces=left), kept)
         if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
