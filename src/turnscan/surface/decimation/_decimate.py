@@ -80,6 +80,8 @@ def decimate(
         if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
             return done
         pairs = crossings(done)
+        if not again and len(pairs) and len(crossings(mesh)) >= len(pairs):
+            return done  # they cut through each other before: that is not for here
         if len(pairs) < fewest:
             best, fewest = done, len(pairs)
         about = _where_cut(mesh.vertices, done.triangles[pairs])
