@@ -340,3 +340,21 @@ def test_a_loop_all_of_whose_chords_are_taken_is_filled_from_its_middle(m):
     done = _fill._patch(ring, points, 2 * points, np.ones(m), taken, "membrane")
     assert len(done.faces) == m
     assert (done.faces == m).sum() == m
+
+
+@settings(max_examples=20)
+@given(m=st.integers(400, 900), share=st.sampled_from([0.0, 0.02, 0.3]), seed=st.integers(0, 999))
+def test_a_long_loop_has_no_chord_that_is_taken(m, share, seed):
+    """Not between the ends of its parts, either."""
+    rng = np.random.default_rng(seed)
+    turn = 2 * np.pi * np.arange(m) / m
+    points = np.c_[np.cos(turn), np.sin(turn), 0.1 * np.sin(5 * turn)]
+    taken = np.zeros((m, m), dtype=bool)
+    near = np.arange(m)[rng.random(m) < share]
+    ahead = (near + rng.integers(2, 6, len(near))) % m
+    taken[near, ahead] = taken[ahead, near] = True
+    faces, sound = _fill._spanned(points, 2 * points, taken, bent=False)
+    assert sound or share > 0.1, "a part between two cuts may have no other chords"
+    if sound:
+        assert len(faces) == m - 2
+        assert not taken[faces, np.roll(faces, -1, axis=1)].any()

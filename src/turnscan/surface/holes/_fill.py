@@ -226,12 +226,14 @@ def _spanned(points: Floats, outer: Floats, used: Bools, *, bent: bool) -> tuple
     if m <= _LONGEST:
         faces, sound = kernels.span(points, outer, used, bent)
         return faces, bool(sound)
-    cuts = np.linspace(0, m, _LONGEST // 2, endpoint=False).astype(np.int32)
+    cuts = _cuts(used)
+    if len(cuts) < 3:
+        return np.zeros((0, 3), dtype=np.int32), False
     some = np.ix_(cuts, cuts)
     coarse, sound = _spanned(points[cuts], outer[cuts], used[some], bent=bent)
     if not sound:
         return coarse, False
-    ends = np.append(cuts[1:], m)
+    ends = np.append(cuts[1:], cuts[0] + m)
     inside = {(int(a), int(b)): int(c) for t in coarse for a, b, c in _turned(t)}
     parts = [cuts[coarse]]
     for i, (begin, end) in enumerate(zip(cuts, ends, strict=True)):
@@ -245,6 +247,15 @@ def _spanned(points: Floats, outer: Floats, used: Bools, *, bent: bool) -> tuple
             return faces, False
         parts.append(chain[faces])
     return np.concatenate(parts), True
+
+
+def _cuts(used: Bools) -> Ints:
+    """Some vertices of a loop with chords ``used`` (m, m), which join none to the next of them."""
+    m = len(used)
+    cuts = np.linspace(0, m, _LONGEST // 2, endpoint=False).astype(np.int32)
+    while (joined := used[cuts, np.roll(cuts, -1)]).any():
+        cuts = cuts[~np.roll(joined, 1)]
+    return cuts
 
 
 def _turned(t: Ints) -> list[tuple[int, int, int]]:
