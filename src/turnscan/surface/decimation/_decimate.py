@@ -25,8 +25,9 @@ _AT_A_TIME = 10_000
 """Vertices looked at from one word about the progress to the next."""
 _FEWEST = 4
 """Faces of the smallest closed surface."""
-_ROUNDS = 6
-"""Rounds in which more vertices are held, where faces would cut through each other."""
+_SHARES = (0.25, 0.25, 0.25, 0.5, 1.0, 1.0)
+"""Rounds in which more vertices are held, where faces would cut through each other: parts of the
+space that two such faces share."""
 _NEAREST = 4
 """Vertices that are held there at least."""
 
@@ -50,7 +51,8 @@ def decimate(
     With a tolerance no place of either surface lies further than that from the other one, and no
     border vertex from the new border: both are compared at vertices, sides and insides of faces,
     which are held to two thirds of it. Where ``faces`` cannot be reached more are left. With a
-    tolerance vertices stay where faces would cut through each other, as far as that helps.
+    tolerance vertices stay where faces would cut through each other that did not before, as far as
+    that helps: of walls much thinner than the tolerance little is taken.
     ``progress`` hears now and then how much of it is done.
 
     Raises InputError where neither is given, or one is not positive.
@@ -69,8 +71,8 @@ def decimate(
     from turnscan.surface.decimation import _net_kernels as kernels
 
     held = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    best, fewest = mesh, np.inf
-    for again in range(_ROUNDS):
+    best, fewest, own = mesh, np.inf, None
+    for again in range(len(_SHARES)):
         net = _net(mesh, np.inf if tolerance is None else tolerance)
         net.ids[held, kernels.LOCKED] = 1
         # The share that was heard of is not taken back.
@@ -79,29 +81,50 @@ def decimate(
         done = submesh(replace(mesh, faces=left), kept)
         if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
             return done
-        pairs = crossings(done)
-        if not again and len(pairs) and len(crossings(mesh)) >= len(pairs):
-            return done  # they cut through each other before: that is not for here
-        if len(pairs) < fewest:
-            best, fewest = done, len(pairs)
-        about = _where_cut(mesh.vertices, done.triangles[pairs])
+        cuts = _cuts(done)
+        if len(cuts[0]) and own is None:
+            own = _cuts(mesh)
+        cuts = cuts if own is None else _new(cuts, own, tolerance)
+        if len(cuts[0]) < fewest:
+            best, fewest = done, len(cuts[0])
+        about = _around(mesh.vertices, cuts, _SHARES[again])
         if held[about].all():
             break
         held[about] = True
     return best
 
 
-def _where_cut(X: Floats, pairs: Floats) -> Ints:
-    """Vertices X (v, 3) where two triangles cut each other, pairs (k, 2, 3, 3): those in the balls
-    about the boxes that two of them share, and the nearest ones."""
+def _cuts(mesh: Mesh) -> tuple[Floats, Floats]:
+    """Where faces cut through each other: the middles (k, 3) of the boxes that two of them share,
+    and half the boxes' diagonals (k,) mm."""
+    pairs = mesh.triangles[crossings(mesh)]
+    low, high = pairs.min(axis=2).max(axis=1), pairs.max(axis=2).min(axis=1)
+    return (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+
+
+def _new(
+    cuts: tuple[Floats, Floats], own: tuple[Floats, Floats], tolerance: float
+) -> tuple[Floats, Floats]:
+    """Those of ``cuts`` that are none of the surface's ``own`` before anything became coarser."""
     from scipy.spatial import cKDTree
 
-    if not len(pairs):
+    if not len(own[0]) or not len(cuts[0]):
+        return cuts
+    far = cKDTree(own[0]).query(cuts[0])[0] > cuts[1] + tolerance
+    return cuts[0][far], cuts[1][far]
+
+
+def _around(X: Floats, cuts: tuple[Floats, Floats], share: float) -> Ints:
+    """Vertices X (v, 3) where faces cut each other (`_cuts`): the nearest ones, and those within a
+    ``share`` of half the shared box's diagonal."""
+    from scipy.spatial import cKDTree
+
+    middle, reach = cuts
+    if not len(middle):
         return np.zeros(0, dtype=np.int32)
-    low, high = pairs.min(axis=2).max(axis=1), pairs.max(axis=2).min(axis=1)
-    tree, middle = cKDTree(X), (low + high) / 2
+    tree = cKDTree(X)
     near = tree.query(middle, k=_NEAREST)[1]
-    inside = tree.query_ball_point(middle, np.linalg.norm(high - low, axis=1) / 2)
+    inside = tree.query_ball_point(middle, share * reach)
     return np.unique(np.concatenate([near.ravel(), *inside])).astype(np.int32)
 
 
