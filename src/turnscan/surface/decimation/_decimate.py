@@ -68,30 +68,36 @@ def decimate(
         raise InputError(f"decimate to {faces} faces", hint=f"give {_FEWEST} or more")
     if len(mesh.faces) <= (faces or 0):
         return mesh
-    from turnscan.surface.decimation import _net_kernels as kernels
-
     held = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
+        return _coarser(mesh, np.inf, faces or 0, held, progress)
     best, fewest, own = mesh, np.inf, None
-    for again in range(len(_SHARES)):
-        net = _net(mesh, np.inf if tolerance is None else tolerance)
-        net.ids[held, kernels.LOCKED] = 1
+    for share in _SHARES:
+        done = _coarser(mesh, tolerance, faces or 0, held, progress)
         # The share that was heard of is not taken back.
-        _collapse(net, faces or 0, progress.subrange(1, 1) if again else progress)
-        left, kept = _faces(net)
-        done = submesh(replace(mesh, faces=left), kept)
-        if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
-            return done
+        progress = progress.subrange(1, 1)
         cuts = _cuts(done)
         if len(cuts[0]) and own is None:
             own = _cuts(mesh)
         cuts = cuts if own is None else _new(cuts, own, tolerance)
         if len(cuts[0]) < fewest:
             best, fewest = done, len(cuts[0])
-        about = _around(mesh.vertices, cuts, _SHARES[again])
+        about = _around(mesh.vertices, cuts, share)
         if held[about].all():
             break
         held[about] = True
     return best
+
+
+def _coarser(mesh: Mesh, tolerance: float, faces: int, held: Bools, progress: Progress) -> Mesh:
+    """The mesh with ``faces`` or as few as the tolerance allows; vertices ``held`` (v,) stay."""
+    from turnscan.surface.decimation import _net_kernels as kernels
+
+    net = _net(mesh, tolerance)
+    net.ids[held, kernels.LOCKED] = 1
+    _collapse(net, faces, progress)
+    left, kept = _faces(net)
+    return submesh(replace(mesh, faces=left), kept)
 
 
 def _cuts(mesh: Mesh) -> tuple[Floats, Floats]:
