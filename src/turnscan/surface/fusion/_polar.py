@@ -25,7 +25,7 @@ _JUMP = 3.0
 """Combined sigma beyond which two measurements of one cell are not averaged."""
 _GUESS = 0.75
 """Lines' distances that a surface may be off between two profiles before a cell is a guess."""
-_VAGUE = 10.0
+_VAGUE = 17.0
 """Usual sigma beyond which a cell between profiles is a guess."""
 _COARSE = 2.5
 """Profiles further apart than this many lines are coarse."""
@@ -96,6 +96,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
     radius, slope, noise, spread, bend, aside = np.full((6, *shape), np.nan)
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
+    most = usual_sigma(np.concatenate([s.sigma for s in surfaces]), most=True)
     met = clashes = 0
     area = level = 0.0
     apart = 0.0
@@ -104,7 +105,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         known = s.sigma[s.sigma > 0]
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
-            Vertices(X, s.sigma, between[i][1], s.ranks),
+            Vertices(X, s.sigma, between[i][1], s.ranks, most),
             between[i][0],
             s.normals,
             _turns(X),

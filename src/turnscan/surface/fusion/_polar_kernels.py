@@ -203,15 +203,13 @@ def raster(
                 there = beside == 0.0 and cells.aside[k, z] == 0.0
                 met += beside == 0.0 and not there
                 clashes += there and abs(r - cells.radius[k, z]) > alike
-                own, wide = variances(
-                    faces[f], u, v, vertices.sigma, vertices.between, vertices.step
-                )
+                _, own, single, gap = variances(faces[f], u, v, vertices, vertices.between)
                 w = 1.0 - u - v
-                strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(wide, 1e-12)
+                strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(single + gap, 1e-12)
                 if not _counts(cells, k, z, beside, strong * r):
                     continue
-                bent = variances(faces[f], u, v, vertices.sigma, bends, vertices.step)[1]
+                bend = variances(faces[f], u, v, vertices, bends)[3]
                 source = a if w >= u and w >= v else (b if u >= v else c)
-                _put(cells, k, z, (r, strong, steep, beside), (own, wide, bent), source)
+                _put(cells, k, z, (r, strong, steep, beside), (own, own + gap, own + bend), source)
             k += 1
     return met, clashes

@@ -203,21 +203,20 @@ def _filled(
     volume[kernels.NEAR] = np.inf
     source = np.full(volume.shape[1:], -1, dtype=np.int32)
     every = np.concatenate([s.sigma for s in parts])
-    usual = usual_sigma(every) or 1.0
+    usual, noise = usual_sigma(every) or 1.0, usual_sigma(every, most=True) or 1.0
     between = [s.between(_EDGES * most, slight=True) for s in parts]
     known = [
-        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks),
+        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, noise),
          s.normals, _border_weights(s, usual))
         for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip
-    believed = kernels.Believed(most, usual_sigma(every, most=True) or 1.0)
     for decide in (True, False):
         first = 0
         for (vertices, normals, weight), both in zip(known, looks, strict=True):
             for k in both:
                 look = kernels.Look(k.faces, k.eyes, k.cosine, k.weight * weight)
                 kernels.add(
-                    vertices, normals, look, believed, first, space, index, decide, volume, source
+                    vertices, normals, look, most, first, space, index, decide, volume, source
                 )
             first += len(vertices.points)
     total = volume[kernels.TOTAL]

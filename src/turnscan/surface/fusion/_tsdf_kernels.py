@@ -58,15 +58,6 @@ class Look(NamedTuple):
     """(v,) times the variance."""
 
 
-class Believed(NamedTuple):
-    """How well places between the vertices are known."""
-
-    most: float
-    """mm between profiles beyond which a place adds nothing."""
-    noise: float
-    """mm: sigma that noise makes at most (`NOISE` usual ones)."""
-
-
 class Cubes(NamedTuple):
     """The tables of marching cubes, as `_cubes` has them."""
 
@@ -156,7 +147,7 @@ def add(
     vertices: Vertices,
     normals: Floats,
     look: Look,
-    believed: Believed,
+    most: float,
     first: int,
     space: Space,
     index: Ints,
@@ -171,12 +162,12 @@ def add(
     camera's ray through the face, within the ramp of the surface, gets its signed distance (along
     the ray, times the cosine of incidence; positive on the camera's side) with the weight of the
     vertices times that cosine, over the variance there (`variances`). A place that may be more
-    than ``believed.most`` mm off between profiles adds nothing. ``volume`` (`VALUES`, blocks,
+    than ``most`` mm off between profiles adds nothing. ``volume`` (`VALUES`, blocks,
     cells) holds the sums. First, with ``decide``, the strongest contribution of all surfaces is
     found, the nearer the stronger; then what lies within three sigma of it is averaged. ``source``
     keeps the number (from ``first``) of the vertex nearest to what was seen closest.
     """
-    points, sigma, between, step = vertices
+    points, between = vertices.points, vertices.between
     faces, eyes, cosines, weight = look
     origin, voxel, ramp, least_cos = space
     inverse = np.empty((3, 3))
@@ -213,13 +204,13 @@ def add(
                 z0, z1 = _within(t, st, -far, far, z0, z1)
                 for z in range(z0, z1 + 1):
                     u, v = b1 + s1 * z, b2 + s2 * z
-                    own, wide = variances(faces[f], u, v, sigma, between, step)
-                    if wide - own > believed.most**2:
+                    noise, own, single, gap = variances(faces[f], u, v, vertices, between)
+                    if gap > most**2:
                         continue
                     rest = 1.0 - u - v
                     d = (t + st * z) * cosine - (rest * (u * ab + v * ca) + u * v * bc)
                     w = rest * weight[a] + u * weight[b] + v * weight[c]
-                    w *= cosine / max(wide, 1e-12)
+                    w *= cosine / max(single + gap, 1e-12)
                     block = index[x // SIDE, y // SIDE, z // SIDE]
                     cell = ((x % SIDE) * SIDE + y % SIDE) * SIDE + z % SIDE
                     nearest = a
@@ -230,7 +221,7 @@ def add(
                     if decide:
                         _decide(volume, block, cell, w, d, own, ramp, source, first + nearest)
                     elif w > 0.0:
-                        _average(volume, block, cell, w, d, own, wide, believed.noise)
+                        _average(volume, block, cell, w, d, noise, own, own + gap)
 
 
 @njit(cache=True, nogil=True)
@@ -251,22 +242,21 @@ def _decide(
 
 @njit(cache=True, nogil=True)
 def _average(
-    volume: Singles, block: int, cell: int, w: float, d: float, own: float, wide: float,
-    noise: float,
+    volume: Singles, block: int, cell: int, w: float, d: float, noise: float, own: float,
+    wide: float,
 ) -> None:  # fmt: skip
     """Add to the sums of a voxel what agrees with the strongest contribution.
 
-    Sigma up to that of ``noise`` averages out; what goes beyond it are edges and chords, which
-    move all surfaces alike.
+    The variance ``noise`` averages out; what goes beyond it are edges and chords, which move all
+    surfaces alike.
     """
     held = volume[HELD, block, cell]
     most = _AGREE * np.sqrt(own + volume[GRAIN, block, cell]) + _SLANT * abs(held)
     if abs(d - held) <= most:
         volume[DISTANCE, block, cell] += w * d
         volume[TOTAL, block, cell] += w
-        own_part = min(wide, noise * noise)
-        volume[SPREAD, block, cell] += w * w * own_part
-        volume[SHARED, block, cell] += w * np.sqrt(wide - own_part)
+        volume[SPREAD, block, cell] += w * w * noise
+        volume[SHARED, block, cell] += w * np.sqrt(wide - noise)
 
 
 @njit(cache=True, nogil=True)

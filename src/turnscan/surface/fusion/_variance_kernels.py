@@ -24,23 +24,36 @@ class Vertices(NamedTuple):
     """(v,) mm: how far the surface may lie off its chords to the neighbouring profiles."""
     step: Ints
     """(v,) the profile of each, in any numbers."""
+    noise: float
+    """mm: sigma that noise makes at most. What goes beyond are edges, creases and chords, which
+    move neighbours, and all surfaces, alike."""
 
 
 @njit(cache=True, nogil=True)
 def variances(
-    face: Ints, u: float, v: float, sigma: Floats, between: Floats, step: Ints
-) -> tuple[float, float]:
+    face: Ints, u: float, v: float, vertices: Vertices, between: Floats
+) -> tuple[float, float, float, float]:
     """Variances, mm², of a place on a face, ``u`` and ``v`` its barycentric coordinates for the
-    second and the third vertex: of the vertices' noise alone, and with what the surface may do
-    ``between`` the two profiles that the face spans, none of it on them and all half-way.
+    second and the third vertex: of its vertices' noise, which averages out; of all that is known
+    of them; the same as if each erred by itself, which is what a place is weighed by; and, to be
+    added, what the surface may do ``between`` (v,) mm the two profiles that the face spans, none of
+    it on them and all half-way.
     """
     a, b, c = face
     w = 1.0 - u - v
-    own = (w * sigma[a]) ** 2 + (u * sigma[b]) ** 2 + (v * sigma[c]) ** 2
+    most = vertices.noise * vertices.noise
+    noise, common, single = 0.0, 0.0, 0.0
+    for share, k in ((w, a), (u, b), (v, c)):
+        whole = vertices.sigma[k] * vertices.sigma[k]
+        part = min(whole, most)
+        noise += share * share * part
+        common += share * np.sqrt(whole - part)
+        single += share * share * whole
+    step = vertices.step
     part = w + (u if step[b] == step[a] else 0.0) + (v if step[c] == step[a] else 0.0)
     part = min(max(part, 0.0), 1.0)
     gap = 4.0 * part * (1.0 - part) * max(between[a], between[b], between[c])
-    return own, own + gap * gap
+    return noise, noise + common * common, single, gap * gap
 
 
 @njit(cache=True, nogil=True)
