@@ -28,6 +28,8 @@ _CLAIMED = 0.15
 """Part of the usual variance for its width below which a frame's own is not believed."""
 _TOGETHER = 64
 """Steps whose points are computed at a time."""
+_ODD = 1.5
+"""Times that both profiles beside a point are known worse than it, and it as badly as they."""
 _CURVED = 0.15
 """Part of what a thick sheet shifts that is doubted, one standard deviation. The thickness is known
 to a twentieth, and the shift is its square: 0.10. How a surface sends light back, and how a sheet's
@@ -50,7 +52,8 @@ def build_grid(
     root of the sum of squares of the stripe's own, with the scatter of the pictures about it
     (`pooled_sigma`), of what its width says (`wholeness`; nothing
     where it was refined), of what a thick sheet does on a curved surface (`curvature_shift`, which
-    is taken off), and of how far the angle's uncertainty carries the point off its surface.
+    is taken off), and of how far the angle's uncertainty carries the point off its surface; where
+    both profiles beside it are known much worse, that of the better one (`_both_sides`).
     Stripes that something cuts where what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
@@ -215,6 +218,7 @@ def _judged(
             common[a:b] = np.nan_to_num(along * shift[..., None])
 
     in_parts(part, len(points), _blocks(len(points)))
+    sigma = np.fmax(sigma, _both_sides(np.where(light.near, sigma, np.nan), grid.closed))
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
@@ -224,6 +228,22 @@ def _judged(
         thickness=light.thickness,
         light_doubt=None if common is None else handed_over(common),
     )
+
+
+def _both_sides(sigma: Floats, closed: bool) -> Floats:
+    """(s, n) mm: the lesser ``sigma`` (s, n) of the profiles before and after where it is much more
+    than a point's own, NaN elsewhere.
+
+    What is off along an edge there is off between them, too: by chance one of three looks well.
+    """
+    out = np.full_like(sigma, np.nan)
+    inner = np.pad(sigma, ((1, 1), (0, 0)), mode="wrap") if closed else sigma
+    least = np.minimum(inner[:-2], inner[2:])
+    own = inner[1:-1]
+    out[0 if closed else 1 : len(out) if closed else -1] = np.where(
+        least > _ODD * own, least, np.nan
+    )
+    return out
 
 
 def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:

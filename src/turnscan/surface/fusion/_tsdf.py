@@ -17,6 +17,7 @@ from turnscan.mesh._parts import components, joined_provenance, submesh
 from turnscan.mesh._topology import half_edges
 from turnscan.points import usual_sigma
 from turnscan.remedy import Option, Remedy
+from turnscan.surface.decimation import dissolve
 from turnscan.surface.fusion import _marching_cubes as _cubes
 from turnscan.surface.fusion._range_surface import RangeSurface
 
@@ -41,6 +42,8 @@ _FAINT = 0.01
 """Weight of that: it decides only where nothing else is known."""
 _RELAXED = 8
 """Sweeps of relaxation for each voxel that a surface is carried on by."""
+_SHORT = 0.15
+"""Voxels: of two vertices no further from each other one is left."""
 
 Singles = npt.NDArray[np.float32]
 
@@ -117,7 +120,9 @@ def fuse(
         index, blocks, value, near, spread, source, made, cubes
     )
     mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins, sigma))
-    return mesh if known.all() else _taut(_without_flaps(replace(mesh, measured=known), seam))
+    if not known.all():
+        mesh = _taut(_without_flaps(replace(mesh, measured=known), seam))
+    return _without_slivers(mesh, _SHORT * voxel)
 
 
 @dataclass(frozen=True)
@@ -185,6 +190,26 @@ def _taut(mesh: Mesh) -> Mesh:
     free = np.ones(len(mesh.vertices), dtype=np.bool_)
     free[mesh.faces[mesh.measured]] = False
     return replace(mesh, vertices=fair(mesh.vertices, mesh.faces, free, 1, np.ones(len(free))))
+
+
+def _without_slivers(mesh: Mesh, short: float) -> Mesh:
+    """The mesh with one vertex left of two that stand ``short`` mm apart: the better known one.
+
+    Where the surface passes close by a voxel's corner, marching cubes puts a vertex on each of its
+    edges, next to each other; of one place they know no more than one.
+    """
+    one, other = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    near = np.linalg.norm(mesh.vertices[one] - mesh.vertices[other], axis=1) < short
+    one, other = one[near], other[near]
+    if not len(one):
+        return mesh
+    p = mesh.provenance
+    sigma = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma, nan=np.inf)
+    spare = np.zeros(len(sigma), dtype=np.bool_)
+    worse = sigma[one] > sigma[other]
+    worse |= (sigma[one] == sigma[other]) & (one > other)
+    spare[one[worse]] = True
+    return dissolve(mesh, spare)[0]
 
 
 def _filled(
