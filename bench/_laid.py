@@ -56,11 +56,13 @@ def laid(mesh: Mesh, grids: list[RangeGrid], believed: Rig, made: Bench) -> tupl
 
 
 def _against(X: Floats, part: Mesh) -> tuple[Floats, Floats]:
-    """Signed distances (v,) mm of places (v, 3) from the part, and its normals (v, 3) there."""
+    """Signed distances (v,) mm of places (v, 3) from the part, and its normals (v, 3) there, of no
+    length where a face of the part has no area."""
     found = shapes.deviation(X, part)
     t = part.triangles[found.face]
     normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    return found.distance, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    return found.distance, normal / np.where(size > 0, size, 1.0)
 
 
 def _modes(X: Floats, normal: Floats) -> Floats:

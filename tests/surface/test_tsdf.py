@@ -6,9 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from turnscan.mesh import Mesh, Provenance, boundary_loops
 from turnscan.surface.fusion import RangeSurface, fuse
+from turnscan.surface.fusion import _variance_kernels as kernels
 
 VOXEL = 0.5
 RAMP = 1.25
@@ -168,3 +171,42 @@ def test_what_is_known_far_worse_than_usual_says_so_when_it_is_merged(worse: flo
     plain, bad = (np.median(sigma[(x > a) & (x < b)]) for a, b in ((4, 16), (20, 23)))
     assert plain <= 0.02
     assert bad == pytest.approx(worse * 0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.004, 0.1])
+def test_a_surface_that_passes_by_the_corners_of_voxels_has_no_needles(height: float) -> None:
+    """Marching cubes puts up to six vertices next to each other there."""
+    flat = sheet(0.0, 12.0, (0.3, 0.2, 1.0), "one")
+    tilt = np.array([0.0, 0.0, height - 0.1])
+    X = flat.mesh.vertices + tilt + 0.02 * flat.mesh.vertices[:, :1] * np.array([0.0, 0.0, 1.0])
+    made = fuse([replace(flat, mesh=replace(flat.mesh, vertices=X))], VOXEL, RAMP)
+    ends = made.vertices[made.faces]
+    sides = np.linalg.norm(ends - np.roll(ends, -1, axis=1), axis=2)
+    short = sides < 0.15 * VOXEL
+    assert short.mean() < 0.01, "but where a border or a fold needs one"
+    assert len(boundary_loops(made)) == 1
+    assert made.area_of() > 0.8 * 120.0, "a voxel is lost at the border"
+    off = made.vertices[:, 2] - height - 0.02 * made.vertices[:, 0]
+    assert np.abs(off).max() < 0.02 * VOXEL + 1e-6
+    assert made.provenance is not None
+    assert (made.provenance.sigma > 0).all()
+
+
+@given(
+    sigma=st.lists(st.floats(0.01, 2.0), min_size=3, max_size=3),
+    share=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)).filter(lambda k: sum(k) <= 1.0),
+    noise=st.floats(0.01, 2.0),
+)
+def test_of_a_place_between_points_noise_alone_averages_out(sigma, share, noise) -> None:
+    X = np.eye(3)
+    known = kernels.Vertices(X, np.array(sigma), np.zeros(3), np.arange(3, dtype=np.int32), noise)
+    face = np.arange(3, dtype=np.int32)
+    random, own, single, gap = kernels.variances(face, *share, known, np.full(3, 0.5))
+    w = np.array([1.0 - sum(share), *share])
+    part = np.minimum(sigma, noise)
+    common = w @ np.sqrt(np.maximum(np.square(sigma) - part**2, 0.0))
+    assert random == pytest.approx((w**2) @ part**2, abs=1e-12)
+    assert own == pytest.approx(random + common**2, abs=1e-9)
+    assert single == pytest.approx((w**2) @ np.square(sigma), abs=1e-12)
+    assert single - 1e-9 <= own <= (w @ np.array(sigma)) ** 2 + 1e-9, "errors that are all alike"
+    assert 0.0 <= gap <= 0.25 + 1e-12

@@ -29,7 +29,8 @@ _CLAIMED = 0.15
 _TOGETHER = 64
 """Steps whose points are computed at a time."""
 _ODD = 1.5
-"""Times that both profiles beside a point are known worse than it, and it as badly as they."""
+"""Times a point's sigma by which both profiles beside it are doubted, and it as much as they: what
+cuts stripes along an edge cuts the one between them too, which by chance looks well."""
 _CURVED = 0.15
 """Part of what a thick sheet shifts that is doubted, one standard deviation. The thickness is known
 to a twentieth, and the shift is its square: 0.10. How a surface sends light back, and how a sheet's
@@ -53,7 +54,7 @@ def build_grid(
     (`pooled_sigma`), of what its width says (`wholeness`; nothing
     where it was refined), of what a thick sheet does on a curved surface (`curvature_shift`, which
     is taken off), and of how far the angle's uncertainty carries the point off its surface; where
-    both profiles beside it are known much worse, that of the better one (`_both_sides`).
+    both profiles beside it are doubted by much more, that of the better one.
     Stripes that something cuts where what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
@@ -199,7 +200,8 @@ def _judged(
     thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
     bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
     bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
-    points, sigma = np.empty_like(grid.points), np.empty_like(grid.sigma)
+    points = np.empty_like(grid.points)
+    sigma, more = np.empty_like(grid.sigma), np.empty_like(grid.sigma)
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
 
     def part(a: int, b: int) -> None:
@@ -211,14 +213,15 @@ def _judged(
         carried = np.hypot(X[..., 0], X[..., 1]) * shaky[a:b, None] * light.slide[a:b]
         doubt = np.hypot(light.doubt[a:b], _CURVED * bent[a:b])
         points[a:b] = X - along * ((light.shift[a:b] + bent[a:b]) * single[a:b])[..., None]
-        more = (doubt * single[a:b] * scale[a:b]) ** 2
-        sigma[a:b] = np.sqrt(grid.sigma[a:b] ** 2 + more + carried**2)
+        more[a:b] = doubt * single[a:b] * scale[a:b]
+        sigma[a:b] = np.sqrt(grid.sigma[a:b] ** 2 + more[a:b] ** 2 + carried**2)
         if common is not None:
             shift = _CURVED * bent[a:b] * single[a:b]
             common[a:b] = np.nan_to_num(along * shift[..., None])
 
     in_parts(part, len(points), _blocks(len(points)))
-    sigma = np.fmax(sigma, _both_sides(np.where(light.near, sigma, np.nan), grid.closed))
+    beside = _both_sides(np.where(light.near, more, np.nan), grid.closed)
+    sigma = np.where(single & (beside > _ODD * sigma), beside, sigma)
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
@@ -230,20 +233,13 @@ def _judged(
     )
 
 
-def _both_sides(sigma: Floats, closed: bool) -> Floats:
-    """(s, n) mm: the lesser ``sigma`` (s, n) of the profiles before and after where it is much more
-    than a point's own, NaN elsewhere.
-
-    What is off along an edge there is off between them, too: by chance one of three looks well.
-    """
-    out = np.full_like(sigma, np.nan)
-    inner = np.pad(sigma, ((1, 1), (0, 0)), mode="wrap") if closed else sigma
-    least = np.minimum(inner[:-2], inner[2:])
-    own = inner[1:-1]
-    out[0 if closed else 1 : len(out) if closed else -1] = np.where(
-        least > _ODD * own, least, np.nan
-    )
-    return out
+def _both_sides(doubt: Floats, closed: bool) -> Floats:
+    """(s, n) mm: by how much, at least, the profiles before and after are both doubted on each
+    line; NaN where one of them is missing."""
+    before, after = np.roll(doubt, 1, axis=0), np.roll(doubt, -1, axis=0)
+    if not closed:
+        before[0] = after[-1] = np.nan
+    return np.minimum(before, after)
 
 
 def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:
