@@ -469,26 +469,29 @@ def test_a_line_that_stays_beside_some_that_are_put_back_is_doubted():
     assert not told.doubt[0, stays[2:]].any()
 
 
-@pytest.mark.parametrize(("degrees", "lifted"), [(1.0, 1.0), (3.0, 1.0), (17.0, 0.0)])
-def test_what_looks_whole_between_two_cut_stripes_is_doubted_as_they_are(degrees, lifted):
-    """An edge goes on from profile to profile; over coarse steps each lies on a face of its own."""
+@pytest.mark.parametrize(
+    ("degrees", "aside", "lifted"), [(3.0, 10.0, 1.0), (3.0, 0.0, 0.0), (17.0, 10.0, 0.0)]
+)
+def test_what_looks_whole_between_two_cut_stripes_is_doubted_as_they_are(degrees, aside, lifted):
+    """An edge goes on from profile to profile. Over coarse steps each lies on a face of its own; of
+    a ball on the axis no slopes tell how far the sheet reaches."""
     rig = make_rig(elevation=0.2, lift=25.0)
     angles = np.deg2rad(degrees) * np.arange(20)
-    middle = (0.0, 0.0, 25.0)
+    middle = (aside, 0.0, 25.0)
     stripes = lit_by_a_sheet(rig, scan_shape(rig, sphere(20.0, middle), angles), angles, middle)
     whole = build_grid(rig, "L0", stripes, range(20), angles)
-    before, far = whole.sigma, np.linalg.norm(whole.points[..., :2], axis=-1) > 15.0
+    before, away = whole.sigma, np.linalg.norm(whole.points[..., :2], axis=-1)
+    far = (away > 6.0) & (away < 22.0)
     for k in (6, 8):
         cut = stripes[k]
         stripes[k] = replace(cut, width=0.5 * cut.width, amplitude=0.5 * cut.amplitude)
     after = build_grid(rig, "L0", stripes, range(20), angles).sigma
     some = far[5:10].all(axis=0)  # steps are short beside the axis
-    assert some.sum() > 20
+    assert some.sum() > 10
     beside = np.minimum(after[6], after[8])[some]
     assert (beside > 2 * before[6][some]).mean() > 0.9, "both are doubted"
     assert (after[7][some] > 1.4 * before[7][some]).mean() == pytest.approx(lifted, abs=0.1)
-    assert (after[7][some] <= np.maximum(before[7][some], beside) + 1e-9).all()
-    np.testing.assert_array_equal(after[[5, 9]][:, some], before[[5, 9]][:, some])
+    assert np.median((after / before)[[5, 9]][:, some]) == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize("error", [0.9, 0.95, 1.05])
