@@ -86,8 +86,8 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
     "surface": [
         (
             "surface/fusion/_tsdf_kernels.py",
-            "w *= cosine / max(wide, 1e-12)",
-            "w *= cosine / max(wide, 1e-12) ** 0.5",
+            "w *= cosine / max(single + gap, 1e-12)",
+            "w *= cosine / max(single + gap, 1e-12) ** 0.5",
             "surfaces are merged with weight 1/σ",
         ),
         (
