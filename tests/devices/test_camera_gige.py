@@ -87,6 +87,43 @@ def test_a_picture_of_which_nothing_comes_is_triggered_once_more(
         assert 3 <= 100 - len(lost) <= 6, "each 0.3 s, until the time is over"
 
 
+def test_a_buffer_that_is_given_back_empty_is_no_picture(pictures: Counting) -> None:
+    """Where the acquisition was begun once more, buffers may come back as they were handed out."""
+    with open_camera(f"aravis:TS01?{SIZE}") as camera:
+        camera.configure(0.001, 1.0)
+        driver: Any = camera._there  # type: ignore[attr-defined]
+        driver._stream = Hasty(driver._stream, _aravis.aravis_library(), 3)
+        before = camera.grab(30.0)[0, 0]
+        assert driver._stream.empty == 0
+        assert camera.grab(30.0)[0, 0] == before + 1
+        driver._stream.empty = 10**9
+        begun = time.monotonic()
+        with pytest.raises(DeviceTimeout, match=r"no picture within 0\.5 s"):
+            camera.grab(0.5)
+        assert time.monotonic() - begun < 5.0
+        driver._stream.empty = 0
+
+
+class Hasty:
+    """A stream of Aravis that gives back so many ``empty`` buffers before what comes."""
+
+    def __init__(self, stream: Any, aravis: Any, empty: int) -> None:
+        self._stream, self._aravis, self.empty = stream, aravis, empty
+
+    def timeout_pop_buffer(self, wait: int) -> Any:
+        if self.empty:
+            self.empty -= 1
+            return self._aravis.Buffer.new_allocate(64)
+        return self._stream.timeout_pop_buffer(wait)
+
+    def push_buffer(self, buffer: Any) -> None:
+        if buffer.get_status() != self._aravis.BufferStatus.CLEARED:
+            self._stream.push_buffer(buffer)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
 class Lossy:
     """A camera of Aravis whose triggers go another way."""
 

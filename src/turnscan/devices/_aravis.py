@@ -201,11 +201,16 @@ class AravisCamera:
 
     def _waited(self, until: float) -> Any:
         """A picture that comes by then, or None."""
-        left = max(until - time.monotonic(), 0.0)
-        buffer = self._stream.timeout_pop_buffer(int(left * 1e6))
-        if buffer is not None:
-            alive()
-        return buffer
+        while (left := until - time.monotonic()) > 0:
+            buffer = self._stream.timeout_pop_buffer(int(left * 1e6))
+            if buffer is None:
+                return None
+            if buffer.get_status() != self._aravis.BufferStatus.CLEARED:
+                alive()
+                return buffer
+            # Nothing was written to it: it was waiting when the acquisition was begun once more.
+            self._stream.push_buffer(buffer)
+        return None
 
     def _pop(self, until: float, timeout: float) -> Any:
         buffer = self._waited(until)
