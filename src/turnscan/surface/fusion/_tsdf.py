@@ -63,7 +63,8 @@ def fuse(
     the points' own and what the surface may do between its profiles; where that alone may be more
     than ``most`` mm a surface does not count. What lies beyond three sigma of the strongest
     contribution to a voxel is not averaged with it. The merged surface is where the mean is zero.
-    It ends where no surface was seen. Each vertex has the provenance of the measured vertex nearest
+    It ends where no surface was seen. Of vertices that stand next to each other at a voxel's corner
+    one is left. Each vertex has the provenance of the measured vertex nearest
     to it, and the sigma of the mean. The result does not depend on the order of the surfaces, up to
     rounding.
 
