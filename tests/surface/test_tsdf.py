@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from turnscan.mesh import Mesh, Provenance, boundary_loops
+from turnscan.mesh._soundness import crossings
 from turnscan.surface.fusion import RangeSurface, fuse
 from turnscan.surface.fusion import _variance_kernels as kernels
 
@@ -188,6 +189,7 @@ def test_a_surface_that_passes_by_the_corners_of_voxels_has_no_needles(height: f
     assert made.area_of() > 0.8 * 120.0, "a voxel is lost at the border"
     off = made.vertices[:, 2] - height - 0.02 * made.vertices[:, 0]
     assert np.abs(off).max() < 0.02 * VOXEL + 1e-6
+    assert not len(crossings(made))
     assert made.provenance is not None
     assert (made.provenance.sigma > 0).all()
 

@@ -14,6 +14,7 @@ from turnscan.errors import InputError, LimitExceeded
 from turnscan.mesh._fair import fair
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import components, joined_provenance, submesh
+from turnscan.mesh._soundness import crossings
 from turnscan.mesh._topology import half_edges
 from turnscan.points import usual_sigma
 from turnscan.remedy import Option, Remedy
@@ -123,7 +124,7 @@ def fuse(
     mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins, sigma))
     if not known.all():
         mesh = _taut(_without_flaps(replace(mesh, measured=known), seam))
-    return _without_slivers(mesh, _SHORT * voxel)
+    return _without_slivers(mesh, voxel)
 
 
 @dataclass(frozen=True)
@@ -193,24 +194,34 @@ def _taut(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=fair(mesh.vertices, mesh.faces, free, 1, np.ones(len(free))))
 
 
-def _without_slivers(mesh: Mesh, short: float) -> Mesh:
-    """The mesh with one vertex left of two that stand ``short`` mm apart: the better known one.
+def _without_slivers(mesh: Mesh, voxel: float) -> Mesh:
+    """The mesh with one vertex left of two that stand next to each other: the better known one.
 
-    Where the surface passes close by a voxel's corner, marching cubes puts a vertex on each of its
-    edges, next to each other; of one place they know no more than one.
+    Where the surface passes close by a corner of a ``voxel``, mm, marching cubes puts a vertex on
+    each of its edges; of one place they know no more than one. Its faces do not cut through each
+    other; where longer ones would, all stay.
     """
+    from scipy.spatial import cKDTree
+
     one, other = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    near = np.linalg.norm(mesh.vertices[one] - mesh.vertices[other], axis=1) < short
+    near = np.linalg.norm(mesh.vertices[one] - mesh.vertices[other], axis=1) < _SHORT * voxel
     one, other = one[near], other[near]
-    if not len(one):
-        return mesh
     p = mesh.provenance
     sigma = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma, nan=np.inf)
     spare = np.zeros(len(sigma), dtype=np.bool_)
     worse = sigma[one] > sigma[other]
     worse |= (sigma[one] == sigma[other]) & (one > other)
     spare[one[worse]] = True
-    return dissolve(mesh, spare)[0]
+    about, own = voxel, len(crossings(mesh))
+    while spare.any():
+        made, _ = dissolve(mesh, spare)
+        pairs = crossings(made)
+        if len(pairs) <= own:
+            return made
+        cut = made.vertices[np.unique(made.faces[pairs])]
+        spare &= np.asarray(cKDTree(cut).query(mesh.vertices)[0]) > about
+        about *= 2
+    return mesh
 
 
 def _filled(
