@@ -198,8 +198,8 @@ def _without_slivers(mesh: Mesh, voxel: float) -> Mesh:
     """The mesh with one vertex left of two that stand next to each other: the better known one.
 
     Where the surface passes close by a corner of a ``voxel``, mm, marching cubes puts a vertex on
-    each of its edges; of one place they know no more than one. Its faces do not cut through each
-    other; where longer ones would, all stay.
+    each of its edges; of one place they know no more than one. Where longer faces would cut through
+    each other, all stay.
     """
     from scipy.spatial import cKDTree
 
@@ -212,11 +212,12 @@ def _without_slivers(mesh: Mesh, voxel: float) -> Mesh:
     worse = sigma[one] > sigma[other]
     worse |= (sigma[one] == sigma[other]) & (one > other)
     spare[one[worse]] = True
-    about, own = voxel, len(crossings(mesh))
+    about = voxel
     while spare.any():
         made, _ = dissolve(mesh, spare)
         pairs = crossings(made)
-        if len(pairs) <= own:
+        # Marching cubes makes none; what is carried on over a seam may.
+        if not len(pairs) or len(pairs) <= len(crossings(mesh)):
             return made
         cut = made.vertices[np.unique(made.faces[pairs])]
         spare &= np.asarray(cKDTree(cut).query(mesh.vertices)[0]) > about
