@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from tests.mesh.checks import check_sound, cube, euler
@@ -29,7 +29,7 @@ from turnscan.surface import mesh_grid
 from turnscan.surface.decimation import _collapse_kernels as kernels
 from turnscan.surface.decimation import decimate, dissolve
 from turnscan.surface.decimation._bucket_kernels import SIZE
-from turnscan.surface.decimation._decimate import _net
+from turnscan.surface.decimation._decimate import _net, _without
 from turnscan.surface.decimation._net_kernels import FOLLOW, HEAD, WAITS
 from turnscan.surface.holes import close
 
@@ -302,6 +302,37 @@ def test_dissolved_vertices_go_and_all_others_stay_in_place() -> None:
     assert (left & which).sum() == len(now - stays)
     assert (left & which).sum() < 0.05 * which.sum()
     assert apart(mesh, less) < 1.0, "faces grow, the surface stays"
+
+
+@given(st.integers(0, 10_000), st.floats(0.3, 0.8), st.floats(0.06, 0.2))
+@settings(max_examples=30)
+def test_what_is_dissolved_makes_no_faces_that_cut_through_each_other(seed, share, apart) -> None:
+    """Two bent sheets, no further from each other than chords leave them."""
+    rng = np.random.default_rng(seed)
+    angle, height = np.meshgrid(np.arange(20) * 0.05, np.arange(16) * 0.5, indexing="ij")
+    radius = 10 + rng.uniform(-0.04, 0.04, angle.shape)
+    faces = sheet_faces(*angle.shape)
+    X = np.concatenate([
+        np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=-1).reshape(-1, 3)
+        for r in (radius, radius + apart)
+    ])  # fmt: skip
+    mesh = Mesh(X, np.concatenate([faces, faces + angle.size]))
+    assume(not len(crossings(mesh)))
+    which = rng.random(len(X)) < share
+    less, left = dissolve(mesh, which)
+    assert not len(crossings(less))
+    assert np.array_equal(less.vertices, mesh.vertices[left])
+    assert left[~which].all()
+    bare, kept = _without(mesh, which)
+    event("needs it" if len(crossings(Mesh(X, bare[kept]))) else "would not")
+    assert (left & which).sum() < 0.3 * which.sum()
+
+
+def sheet_faces(rows: int, columns: int) -> np.ndarray:
+    """(f, 3) two of each cell of a grid of vertices."""
+    at = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (k.ravel() for k in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
 
 
 def test_where_nothing_is_dissolved_nothing_changes() -> None:

@@ -14,7 +14,8 @@ import pytest
 
 from tests.surface.grids import turned
 from tests.surface.known_parts import PARTS, scan, scanned
-from turnscan.mesh import Mesh, Provenance, longest_sides
+from turnscan.mesh import Mesh, Provenance, crossings, longest_sides
+from turnscan.mesh._parts import joined_provenance
 from turnscan.points import usual_sigma
 from turnscan.shapes import deviation
 from turnscan.surface.clean import drop_islands
@@ -142,6 +143,27 @@ def test_what_was_guessed_beside_a_measured_point_goes_onto_it() -> None:
         same, still = seated(pushed, guessed, [one], reach)
         assert np.array_equal(same.vertices, pushed.vertices)
         assert np.array_equal(still, guessed)
+
+
+@pytest.mark.parametrize(("beside", "least", "most"), [(0.1, 0.0, 0.0), (0.3, 0.9, 1.0)])
+def test_what_was_guessed_goes_onto_no_point_behind_another_surface(beside, least, most) -> None:
+    """A tube round another, and points 0.2 mm outside of the inner one."""
+    angles = 2 * np.pi * np.arange(60) / 60
+    tube, behind, point = (
+        range_surfaces(turned(angles, np.full(30, r)))[0] for r in (15.0, 15 + beside, 15.2)
+    )
+    count = len(tube.mesh.vertices)
+    both = Mesh(
+        np.concatenate([tube.mesh.vertices, behind.mesh.vertices]),
+        np.concatenate([tube.mesh.faces, behind.mesh.faces + count]),
+        joined_provenance([tube.mesh, behind.mesh]),
+    )
+    guessed = np.random.default_rng(3).random(2 * count) < 0.2
+    guessed[count:] = False
+    moved, left = seated(both, guessed, [point], 0.5)
+    assert not len(crossings(moved))
+    gone = (guessed & ~left).sum() / guessed.sum()
+    assert least <= gone <= most
 
 
 def test_what_a_doubtful_point_alone_confirms_from_afar_is_as_doubtful() -> None:

@@ -140,7 +140,38 @@ def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
 
     All others stay where they are, with longer faces between them. The rules are `decimate`'s: no
     face turns over, borders move along themselves only, and the surface hangs together as it did.
+    Where one of the longer faces would cut through another, a vertex that it was to do without
+    stays, unless it can move once the others have.
     """
+    left = np.ones(len(which), dtype=np.bool_)
+    while True:
+        mesh, stayed = _uncrossed(mesh, which)
+        left[left] = stayed
+        if stayed.all():
+            return mesh, left
+        which = which[stayed]
+
+
+def _uncrossed(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
+    """The mesh without those vertices ``which`` (v,) that can all move at once without new faces
+    that cut through others, and (v,) which are left."""
+    while True:
+        faces, kept = _without(mesh, which)
+        done, other = submesh(replace(mesh, faces=faces), kept), faces != mesh.faces
+        pairs = np.flatnonzero(kept)[crossings(done, other[kept].any(axis=1))]
+        if not len(pairs):
+            left = np.zeros(len(which), dtype=np.bool_)
+            left[faces[kept]] = True
+            return done, left
+        # One of two is enough, and one of them is other than it was.
+        first = np.where(other[pairs[:, 0]].any(axis=1), pairs[:, 0], pairs[:, 1])
+        which = which.copy()
+        which[mesh.faces[first][other[first]]] = False
+
+
+def _without(mesh: Mesh, which: Bools) -> tuple[Ints, Bools]:
+    """(f, 3) the mesh's faces without the vertices ``which`` (v,), as far as these can move into a
+    neighbour, and (f,) which faces are left."""
     from turnscan.surface.decimation import _net_kernels as kernels
 
     net = _net(mesh, np.inf)
@@ -148,10 +179,7 @@ def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
     # Into one that stays, wherever that goes: one that many have moved into goes nowhere.
     net.at[which, kernels.OWN] = _LAST
     _collapse(net, 0, no_progress)
-    faces, kept = _faces(net)
-    left = np.zeros(len(which), dtype=np.bool_)
-    left[faces[kept]] = True
-    return submesh(replace(mesh, faces=faces), kept), left
+    return _faces(net)
 
 
 def _faces(net: Any) -> tuple[Ints, Bools]:

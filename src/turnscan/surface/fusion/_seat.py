@@ -11,6 +11,7 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import vertex_normals
 from turnscan.mesh._parts import joined_provenance
+from turnscan.mesh._soundness import crossings
 from turnscan.points import usual_sigma
 from turnscan.surface.fusion._range_surface import RangeSurface
 
@@ -30,7 +31,8 @@ def seated(
     Marching cubes puts its vertices on the sides of voxels, and few of them on a profile; where
     what lies between profiles is not kept, a whole profile would go. So each measured point no
     further than ``reach`` mm away whose nearest vertex is a guessed one takes it, the nearest point
-    first, and gives it its sigma and its provenance. A vertex whose faces would turn over stays.
+    first, and gives it its sigma and its provenance. A vertex whose faces would turn over, or cut
+    through others, stays.
     """
     near = _near(mesh, guessed)
     if not len(near):
@@ -65,18 +67,22 @@ def _near(mesh: Mesh, guessed: Bools) -> Longs:
 
 def _moved(mesh: Mesh, source: Longs, points: Floats) -> Mesh:
     """The mesh with vertices on the ``points`` of their ``source`` (v,); −1 there, and from now on
-    where a face would turn over, for those that stay."""
+    where a face would turn over or cut through another, for those that stay."""
     before = _area_vectors(mesh)
     while True:
-        there = (source >= 0)[:, None]
-        moved = replace(mesh, vertices=np.where(there, points[source], mesh.vertices))
+        there = source >= 0
+        moved = replace(mesh, vertices=np.where(there[:, None], points[source], mesh.vertices))
         after = _area_vectors(moved)
         size = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
         turned = np.einsum("ij,ij->i", before, after) < _TURN * size
-        turned &= (source[mesh.faces] >= 0).any(axis=1)
-        if not turned.any():
+        of_moved = there[mesh.faces].any(axis=1)
+        wrong = np.flatnonzero(turned & of_moved)
+        if not len(wrong):
+            crossed = np.unique(crossings(moved, of_moved))
+            wrong = crossed[of_moved[crossed]]
+        if not len(wrong):
             return moved
-        source[mesh.faces[turned]] = -1
+        source[mesh.faces[wrong]] = -1
 
 
 def _area_vectors(mesh: Mesh) -> Floats:

@@ -14,7 +14,6 @@ from turnscan.errors import InputError, LimitExceeded
 from turnscan.mesh._fair import fair
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import components, joined_provenance, submesh
-from turnscan.mesh._soundness import crossings
 from turnscan.mesh._topology import half_edges
 from turnscan.points import usual_sigma
 from turnscan.remedy import Option, Remedy
@@ -198,11 +197,8 @@ def _without_slivers(mesh: Mesh, voxel: float) -> Mesh:
     """The mesh with one vertex left of two that stand next to each other: the better known one.
 
     Where the surface passes close by a corner of a ``voxel``, mm, marching cubes puts a vertex on
-    each of its edges; of one place they know no more than one. Where longer faces would cut through
-    each other, all stay.
+    each of its edges; of one place they know no more than one.
     """
-    from scipy.spatial import cKDTree
-
     one, other = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
     near = np.linalg.norm(mesh.vertices[one] - mesh.vertices[other], axis=1) < _SHORT * voxel
     one, other = one[near], other[near]
@@ -212,17 +208,7 @@ def _without_slivers(mesh: Mesh, voxel: float) -> Mesh:
     worse = sigma[one] > sigma[other]
     worse |= (sigma[one] == sigma[other]) & (one > other)
     spare[one[worse]] = True
-    about = voxel
-    while spare.any():
-        made, _ = dissolve(mesh, spare)
-        pairs = crossings(made)
-        # Marching cubes makes none; what is carried on over a seam may.
-        if not len(pairs) or len(pairs) <= len(crossings(mesh)):
-            return made
-        cut = made.vertices[np.unique(made.faces[pairs])]
-        spare &= np.asarray(cKDTree(cut).query(mesh.vertices)[0]) > about
-        about *= 2
-    return mesh
+    return dissolve(mesh, spare)[0]
 
 
 def _filled(
