@@ -20,6 +20,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.surface.decimation import dissolve
 from turnscan.surface.fusion import _marching_cubes as _cubes
 from turnscan.surface.fusion._range_surface import RangeSurface
+from turnscan.surface.fusion._vertex_sigma import alike, interpolated
 
 if TYPE_CHECKING:
     from turnscan.surface.fusion._tsdf_kernels import Space
@@ -114,16 +115,59 @@ def fuse(
     index = np.full(tuple(shape), -1, dtype=np.int32)
     index[used] = np.arange(len(blocks))
     del used
-    value, near, spread, source = _filled(parts, looks, space, index, len(blocks), most)
-    made = kernels.grow(index, blocks, value, seam, _RELAXED * seam)
+    held = _filled(parts, looks, space, index, len(blocks), most)
+    made = kernels.grow(index, blocks, held.value, seam, _RELAXED * seam)
     cubes = kernels.Cubes(_cubes.CORNERS, _cubes.EDGES, *_cubes.table())
-    vertices, faces, origins, known, sigma = kernels.march(
-        index, blocks, value, near, spread, source, made, cubes
-    )
-    mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins, sigma))
+    vertices, faces, known, ends, share = kernels.march(index, blocks, held.value, made, cubes)
+    nearest = held.nearest(ends)
+    sigma = held.sigma(parts, voxel * _ways(blocks, ends), ends, share, nearest)
+    mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, nearest, sigma))
     if not known.all():
         mesh = _taut(_without_flaps(replace(mesh, measured=known), seam))
     return _without_slivers(mesh, voxel)
+
+
+@dataclass(frozen=True)
+class _Volume:
+    """What is known of each voxel, (blocks, cells)."""
+
+    value: Singles
+    """mm: signed distance; NaN where nothing is known."""
+    near: Singles
+    """mm: the least distance of what was seen."""
+    noise: Singles
+    """mm²: variance of the distance that noise makes."""
+    shared: Singles
+    """mm: sigma of what else moves it."""
+    source: Ints
+    """The number of the vertex nearest to what was seen closest."""
+
+    def nearest(self, ends: Longs) -> Longs:
+        """(v,) the source of the nearer one of two voxels (v, 2)."""
+        near = self.near.ravel()[ends]
+        closer = np.where(near[:, 0] <= near[:, 1], ends[:, 0], ends[:, 1])
+        return self.source.ravel()[closer].astype(np.int64)
+
+    def sigma(
+        self, parts: Sequence[RangeSurface], ways: Floats, ends: Longs, share: Floats,
+        nearest: Longs,
+    ) -> Floats:  # fmt: skip
+        """(v,) mm: of places a ``share`` of the ``ways`` (v, 3) mm between two voxels (v, 2)."""
+        normals = np.concatenate([s.normals for s in parts])[nearest]
+        value, noise, shared = (
+            k.ravel()[ends].astype(np.float64) for k in (self.value, self.noise, self.shared)
+        )
+        # The places on the surface for which both speak: below them.
+        ways = ways - normals * np.diff(value, axis=1)
+        return interpolated(noise, shared, share, alike(parts, nearest, ways))
+
+
+def _ways(blocks: Longs, ends: Longs) -> Floats:
+    """(v, 3) voxels: from the first to the second of two (v, 2), numbered as in the volume."""
+    from turnscan.surface.fusion._tsdf_kernels import CELLS, SIDE
+
+    cell = np.stack(np.unravel_index(ends % CELLS, (SIDE,) * 3), axis=-1)
+    return np.diff(blocks[ends // CELLS] * SIDE + cell, axis=1)[:, 0].astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -218,8 +262,8 @@ def _filled(
     index: Ints,
     blocks: int,
     most: float,
-) -> tuple[Singles, Singles, Singles, Ints]:
-    """(blocks, cells) each: signed distance, least distance, sigma, and the nearest vertex."""
+) -> _Volume:
+    """The volume with all surfaces added."""
     from turnscan.surface.fusion import _tsdf_kernels as kernels
     from turnscan.surface.fusion._variance_kernels import Vertices
 
@@ -245,9 +289,9 @@ def _filled(
             first += len(vertices.points)
     total = volume[kernels.TOTAL]
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = volume[kernels.DISTANCE] / total
-        spread = np.sqrt(volume[kernels.SPREAD] + volume[kernels.SHARED] ** 2) / total
-    return value, volume[kernels.NEAR], spread, source
+        value, shared = volume[kernels.DISTANCE] / total, volume[kernels.SHARED] / total
+        noise = volume[kernels.SPREAD] / total**2
+    return _Volume(value, volume[kernels.NEAR], noise, shared, source)
 
 
 def _limited(sigma: Floats, usual: float) -> Floats:

@@ -371,25 +371,22 @@ def march(
     index: Ints,
     blocks: Longs,
     value: Singles,
-    near: Singles,
-    spread: Singles,
-    source: Ints,
     made: Bools,
     cubes: Cubes,
-) -> tuple[Floats, Ints, Longs, Bools, Floats]:
-    """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
+) -> tuple[Floats, Ints, Bools, Longs, Floats]:
+    """Marching cubes over the blocks: vertices (v, 3) in voxels and faces (f, 3).
 
     ``value`` (blocks, cells) is the signed distance, NaN where nothing is known: no cube with such
-    a corner makes a face. A vertex takes the source of the nearer end of its edge. Then (f,) False
-    for the faces of cubes with a corner that `grow` ``made``, and (v,) mm, what lies between the
-    ``spread`` of both ends.
+    a corner makes a face. Then (f,) False for the faces of cubes with a corner that `grow`
+    ``made``, and of each vertex the voxels at both ends of its edge (v, 2), numbered as in
+    ``value``, and the share (v,) of the way from the first to the second.
     """
     corners, ends, table, sizes = cubes
     number = np.full((len(blocks), CELLS, 3), -1, dtype=np.int32)
     room = 1 << 16
     vertices = np.empty((room, 3))
-    origin = np.empty(room, dtype=np.int64)
-    sigma = np.empty(room)
+    between = np.empty((room, 2), dtype=np.int64)
+    shares = np.empty(room)
     faces = np.empty((room, 3), dtype=np.int32)
     known = np.empty(room, dtype=np.bool_)
     total, count = 0, 0
@@ -407,8 +404,8 @@ def march(
                 continue
             if total + 12 > len(vertices):
                 vertices = np.concatenate((vertices, np.empty_like(vertices)))
-                origin = np.concatenate((origin, np.empty_like(origin)))
-                sigma = np.concatenate((sigma, np.empty_like(sigma)))
+                between = np.concatenate((between, np.empty_like(between)))
+                shares = np.concatenate((shares, np.empty_like(shares)))
             if count + 12 > len(faces):
                 faces = np.concatenate((faces, np.empty_like(faces)))
                 known = np.concatenate((known, np.empty_like(known)))
@@ -417,18 +414,17 @@ def march(
                 if (d[a] < 0.0) == (d[b] < 0.0):
                     continue
                 axis = ends[e, 2]
-                low, high = at[a], at[b]
+                low = at[a]
                 if number[low[0], low[1], axis] < 0:
                     number[low[0], low[1], axis] = total
                     vertices[total, 0] = x + corners[a, 0]
                     vertices[total, 1] = y + corners[a, 1]
                     vertices[total, 2] = z + corners[a, 2]
-                    part = d[a] / (d[a] - d[b])
-                    vertices[total, axis] += min(max(part, _APART), 1.0 - _APART)
-                    here, there = spread[low[0], low[1]], spread[high[0], high[1]]
-                    sigma[total] = here + part * (there - here)
-                    nearer = low if near[low[0], low[1]] <= near[high[0], high[1]] else high
-                    origin[total] = source[nearer[0], nearer[1]]
+                    part = min(max(d[a] / (d[a] - d[b]), _APART), 1.0 - _APART)
+                    vertices[total, axis] += part
+                    shares[total] = part
+                    between[total, 0] = low[0] * CELLS + low[1]
+                    between[total, 1] = at[b, 0] * CELLS + at[b, 1]
                     total += 1
                 ids[e] = number[low[0], low[1], axis]
             seen = _seen(made, at)
@@ -440,7 +436,7 @@ def march(
     return (
         vertices[:total].copy(),
         faces[:count].copy(),
-        origin[:total].copy(),
         known[:count].copy(),
-        sigma[:total].copy(),
+        between[:total].copy(),
+        shares[:total].copy(),
     )

@@ -27,6 +27,8 @@ _CLOSE, _VAGUE = 0.5, 3.0
 _AFAR, _UNKNOWN = 1.5, 4.0
 """Voxels from every measured point beyond which nothing was measured, however flat the chords, and
 the part of that way by which the surface may lie elsewhere."""
+_BY_CHANCE = 2.0
+"""Of its own sigma, by which a merged vertex may lie beside all surfaces that it is the mean of."""
 _BESIDE = 2.0
 """Usual sigma that any may lie off every measured surface."""
 
@@ -95,8 +97,8 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
         doubt[asked] = np.minimum(doubt[asked], chord + off)
         closest = np.linalg.norm(ends - X[:, None], axis=2).min(axis=1)
         reach[asked] = np.minimum(reach[asked], closest)
-    # The mean of several lies its sigma beside each of them.
-    beside = np.sqrt(np.maximum(least**2 - own**2, 0.0))
+    # The mean of several lies its sigma beside each of them, and by chance twice of it.
+    beside = np.sqrt(np.maximum(least**2 - (_BY_CHANCE * own) ** 2, 0.0))
     chord = doubt > _CHORD * usual
     guessed = chord & (reach > _ON * voxel) | (least > _BESIDE * sure)
     guessed |= (own > _VAGUE * usual) & (reach > _CLOSE * voxel)
