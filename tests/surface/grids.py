@@ -32,6 +32,13 @@ def random_grid(seed, steps, lines, missing, closed, behind):
     )  # fmt: skip
 
 
+def sheet_faces(rows: int, columns: int) -> np.ndarray:
+    """(f, 3) two of each cell of a grid of vertices."""
+    at = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (k.ravel() for k in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+
+
 def turned(angles, radii, sigma=0.01, eyes=True):
     """A turned part: the radius (n,) of each line, at z = 0, 0.5, 1 … mm, seen from afar."""
     n = len(radii)

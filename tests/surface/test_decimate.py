@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.mesh.checks import check_sound, cube, euler
 from tests.mesh.open_meshes import ball
 from tests.reports import into
-from tests.surface.grids import column, random_grid
+from tests.surface.grids import column, random_grid, sheet_faces
 from turnscan.errors import InputError
 from turnscan.mesh import (
     Mesh,
@@ -326,13 +326,6 @@ def test_what_is_dissolved_makes_no_faces_that_cut_through_each_other(seed, shar
     bare, kept = _without(mesh, which)
     event("needs it" if len(crossings(Mesh(X, bare[kept]))) else "would not")
     assert (left & which).sum() < 0.3 * which.sum()
-
-
-def sheet_faces(rows: int, columns: int) -> np.ndarray:
-    """(f, 3) two of each cell of a grid of vertices."""
-    at = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = (k.ravel() for k in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
-    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
 
 
 def test_where_nothing_is_dissolved_nothing_changes() -> None:

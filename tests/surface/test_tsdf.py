@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
+from tests.surface.grids import sheet_faces
 from turnscan.mesh import Mesh, Provenance, boundary_loops
 from turnscan.mesh._soundness import crossings
 from turnscan.surface.fusion import RangeSurface, fuse
@@ -22,9 +24,7 @@ def sheet(begin: float, end: float, ray: tuple[float, float, float], name: str) 
     """A level rectangle at z = 0.1, 10 mm wide, seen along ``ray`` from above."""
     x, y = np.linspace(begin, end, round((end - begin) / VOXEL) + 1), np.arange(0, 10.1, VOXEL)
     points = np.stack(np.meshgrid(x, y, [0.1], indexing="ij"), axis=-1).reshape(-1, 3)
-    cell = np.arange(len(points)).reshape(len(x), len(y))
-    a, b, c, d = (k.ravel() for k in (cell[:-1, :-1], cell[1:, :-1], cell[1:, 1:], cell[:-1, 1:]))
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).astype(np.int32)
+    faces = sheet_faces(len(x), len(y))
     some = np.zeros(len(points), np.int32)
     p = Provenance(np.full(len(points), 0.02), some, some, some, (name,))
     up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
@@ -212,3 +212,34 @@ def test_of_a_place_between_points_noise_alone_averages_out(sigma, share, noise)
     assert single == pytest.approx((w**2) @ np.square(sigma), abs=1e-12)
     assert single - 1e-9 <= own <= (w @ np.array(sigma)) ** 2 + 1e-9, "errors that are all alike"
     assert 0.0 <= gap <= 0.25 + 1e-12
+
+
+@pytest.mark.parametrize("turned", [0.0, 40.0])
+@pytest.mark.parametrize("tilt", [0.0, 30.0, 55.0])
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_merge_of_surfaces_that_lie_anyhow_errs_as_it_says(turned, tilt, count) -> None:
+    """Points 1 mm apart from profile to profile and 0.4 mm along them, noise of 0.03 mm."""
+    about = Rotation.from_euler("yz", [tilt, turned], degrees=True)
+    up = about.apply([0.0, 0.0, 1.0])
+    parts = []
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        step, line = np.meshgrid(np.arange(24), np.arange(60), indexing="ij")
+        flat = np.stack([step * 1.0, line * 0.4, 0.2 + 0 * step], axis=-1).reshape(-1, 3)
+        X = about.apply(flat) + rng.normal(0, 0.03, (len(flat), 1)) * up
+        each = np.zeros(len(X), np.int32)
+        p = Provenance(
+            np.full(len(X), 0.03), each, step.ravel().astype(np.int32),
+            line.ravel().astype(np.int32), (f"L{seed}",),
+        )  # fmt: skip
+        mesh = Mesh(X, sheet_faces(24, 60), p)
+        parts.append(RangeSurface(mesh, X + 500.0 * up, np.tile(up, (len(X), 1))))
+    made = fuse(parts, 0.63, 1.6)
+    border = np.unique(np.concatenate(boundary_loops(made)))
+    inner = np.setdiff1d(np.arange(len(made.vertices)), border)
+    assert len(inner) > 800
+    assert made.provenance is not None
+    off, sigma = made.vertices[inner] @ up - 0.2, made.provenance.sigma[inner]
+    # A thousand errors know their rms to 2 %. What bends by noise alone counts for a tenth.
+    assert 0.87 < np.sqrt(np.mean((off / sigma) ** 2)) < 1.05
+    assert sigma.min() > 0.03 / 2 / np.sqrt(2 * count), "the mean of four, and half-way of two"

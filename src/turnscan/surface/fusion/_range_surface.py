@@ -17,9 +17,9 @@ from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
 _BENT = 3.0
-"""Combined sigma by which a bend must differ from the next to be an edge, …"""
-_SURE = 7.5
-"""… and by which both must together, of which noise alone makes the root of six."""
+"""Combined sigma by which two bends must each differ from the next to be those of an edge, …"""
+_SURE = 11.2
+"""… and by which both must together: three times what noise alone makes, the root of 14."""
 _EVEN = 6.0
 """Sigma by which a bend differs from those beside it at most, where the surface bends evenly."""
 _BULGE = 0.3

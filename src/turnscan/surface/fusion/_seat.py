@@ -75,12 +75,12 @@ def _moved(mesh: Mesh, source: Longs, points: Floats) -> Mesh:
         after = _area_vectors(moved)
         size = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
         turned = np.einsum("ij,ij->i", before, after) < _TURN * size
-        of_moved = there[mesh.faces].any(axis=1)
-        wrong = np.flatnonzero(turned & of_moved)
-        if not len(wrong):
-            crossed = np.unique(crossings(moved, of_moved))
-            wrong = crossed[of_moved[crossed]]
-        if not len(wrong):
+        of_moved = np.asarray(there[mesh.faces].any(axis=1))
+        wrong = turned & of_moved
+        if not wrong.any():
+            wrong[crossings(moved, of_moved)] = True
+            wrong &= of_moved
+        if not wrong.any():
             return moved
         source[mesh.faces[wrong]] = -1
 
