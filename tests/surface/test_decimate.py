@@ -328,8 +328,8 @@ def test_what_is_dissolved_makes_no_faces_that_cut_through_each_other(seed, shar
     assert (left & which).sum() < 0.3 * which.sum()
 
 
-def test_where_nothing_is_dissolved_nothing_changes() -> None:
-    mesh = column(seed=4)
+@pytest.mark.parametrize("mesh", [column(seed=4), Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))])
+def test_where_nothing_is_dissolved_nothing_changes(mesh: Mesh) -> None:
     less, left = dissolve(mesh, np.zeros(len(mesh.vertices), dtype=np.bool_))
     assert left.all()
     assert np.array_equal(less.faces, mesh.faces)

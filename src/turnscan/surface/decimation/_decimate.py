@@ -144,12 +144,13 @@ def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
     stays, unless it can move once the others have.
     """
     left = np.ones(len(which), dtype=np.bool_)
-    while True:
+    while which.any():
         mesh, stayed = _uncrossed(mesh, which)
         left[left] = stayed
         if stayed.all():
-            return mesh, left
+            break
         which = which[stayed]
+    return mesh, left
 
 
 def _uncrossed(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
