@@ -91,6 +91,18 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "surfaces are merged with weight 1/σ",
         ),
         (
+            "surface/fusion/_vertex_sigma.py",
+            "both = 2.0 * alike * np.sqrt",
+            "both = 2.0 * np.sqrt",
+            "two places on a slope have the same noise",
+        ),
+        (
+            "surface/decimation/_decimate.py",
+            "crossings(done, other[kept].any(axis=1))]",
+            "crossings(done, other[kept].any(axis=1))[:0]]",
+            "what is dissolved may leave faces that cut through each other",
+        ),
+        (
             "surface/_noise.py",
             "np.sqrt(6.0)",
             "np.sqrt(2.0)",
