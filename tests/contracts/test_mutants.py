@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -26,6 +29,18 @@ def test_what_is_written_by_hand_fits_the_sources_and_its_tests_are_there(room: 
     for suite in ROOMS[room].suites:
         for test in suite.tests:
             assert not test.endswith(".py") or (ROOT / "tests" / test).is_file(), test
+
+
+def test_a_mutant_is_run_in_a_copy_and_killed() -> None:
+    """The command that the page names, though `bench` itself loads a part of turnscan."""
+    words = ["--rooms", "surface", "--named", "--only", "a second difference"]
+    done = subprocess.run(
+        [sys.executable, "-m", "bench.mutants", *words],
+        cwd=ROOT, capture_output=True, text=True, timeout=300, check=False,
+        env={k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "| surface | 1 | 1 | 0 |" in done.stdout
 
 
 SOURCE = '''
