@@ -92,7 +92,7 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
         ),
         (
             "surface/fusion/_vertex_sigma.py",
-            "both = 2.0 * alike * np.sqrt",
+            "both = 2.0 * correlation * np.sqrt",
             "both = 2.0 * np.sqrt",
             "two places on a slope have the same noise",
         ),

@@ -20,7 +20,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.surface.decimation import dissolve
 from turnscan.surface.fusion import _marching_cubes as _cubes
 from turnscan.surface.fusion._range_surface import RangeSurface
-from turnscan.surface.fusion._vertex_sigma import alike, interpolated
+from turnscan.surface.fusion._vertex_sigma import correlations, interpolated
 
 if TYPE_CHECKING:
     from turnscan.surface.fusion._tsdf_kernels import Space
@@ -159,7 +159,7 @@ class _Volume:
         )
         # The places on the surface for which both speak: below them.
         ways = ways - normals * np.diff(value, axis=1)
-        return interpolated(noise, shared, share, alike(parts, nearest, ways))
+        return interpolated(noise, shared, share, correlations(parts, nearest, ways))
 
 
 def _ways(blocks: Longs, ends: Longs) -> Floats:

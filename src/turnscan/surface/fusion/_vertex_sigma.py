@@ -10,21 +10,20 @@ from turnscan.arrays import Floats, Longs
 from turnscan.surface.fusion._range_surface import RangeSurface
 
 
-def interpolated(noise: Floats, shared: Floats, share: Floats, alike: Floats) -> Floats:
+def interpolated(noise: Floats, shared: Floats, share: Floats, correlation: Floats) -> Floats:
     """(v,) mm: sigma of what lies a ``share`` (v,) of the way from one value to another.
 
-    ``noise`` (v, 2) mm² is the variance of each that noise makes, of which so much is ``alike``
-    (v,), from 0 to 1; ``shared`` (v, 2) mm is what else moves both.
+    ``noise`` (v, 2) mm² is the variance of each that noise makes, with the ``correlation`` (v,) of
+    both; ``shared`` (v, 2) mm is what else moves both.
     """
     part = np.stack([1.0 - share, share], axis=1)
     own = part**2 * noise
-    both = 2.0 * alike * np.sqrt(own.prod(axis=1))
+    both = 2.0 * correlation * np.sqrt(own.prod(axis=1))
     return np.asarray(np.sqrt(own.sum(axis=1) + both + (part * shared).sum(axis=1) ** 2))
 
 
-def alike(parts: Sequence[RangeSurface], nearest: Longs, ways: Floats) -> Floats:
-    """(v,) how far the noise of two places on the surface is the same, from 0 to 1: their
-    correlation.
+def correlations(parts: Sequence[RangeSurface], nearest: Longs, ways: Floats) -> Floats:
+    """(v,) from 0 to 1: of the noise of two places on the surface.
 
     ``ways`` (v, 3) mm lead from the one to the other, ``nearest`` (v,) is the number of a measured
     vertex there, −1 for none. What is interpolated between points one step apart is as like as the
