@@ -28,14 +28,13 @@ def seen_board(angle: float, blur: float) -> tuple[Floats, Floats]:
     middle = np.array([[1.0, 0.0, -54.0], [0.0, 1.0, -36.0], [0.0, 0.0, 1.0]])
     camera = np.array([[1136.0, 0.0, 240.3], [0.0, 1136.0, 179.6], [0.0, 0.0, 1.0]])
     H = camera @ turned @ middle
-    u, v = np.meshgrid(*((np.arange(n * FINE) + 0.5) / FINE - 0.5 for n in (480, 360)))
-    at = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=-1) @ np.linalg.inv(H).T
-    x, y = (at[:, :2] / at[:, 2:] * 10).T
-    paper = _print()
-    inside = (x >= 0) & (x < 1080) & (y >= 0) & (y < 720)
-    value = np.full(u.size, 255.0)
-    value[inside] = paper[y[inside].astype(int), x[inside].astype(int)]
-    fine = value.reshape(360 * FINE, 480 * FINE)
+    # From a sample of the picture to the sample of the print that it lies in.
+    sample = np.array([[1 / FINE, 0, 0.5 / FINE - 0.5], [0, 1 / FINE, 0.5 / FINE - 0.5], [0, 0, 1]])
+    print_sample = np.array([[10.0, 0.0, -0.5], [0.0, 10.0, -0.5], [0.0, 0.0, 1.0]])
+    fine = cv2.warpPerspective(
+        _print(), print_sample @ np.linalg.inv(H) @ sample, (480 * FINE, 360 * FINE),
+        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP, borderValue=(255.0,),
+    )  # fmt: skip
     if blur:
         # The lens blurs what then falls on pixels.
         fine = cv2.GaussianBlur(fine, (0, 0), blur * FINE)

@@ -162,35 +162,42 @@ def _finer(a: Outline, b: Outline, step: float) -> float:
 
 def _apart(a: Outline, b: Outline, step: float) -> float:
     """Median distance of two outlines for steps of this size, mm; NaN where they do not overlap."""
-    off = [
-        _differences(*_turned(one, h, step), *_turned(other, h, step))
-        for h in range(a.radius.shape[1])
-        for one, other in ((a, b), (b, a))
-    ]
-    some = np.concatenate(off)
+    one, other = _turned(a, step), _turned(b, step)
+    some = np.concatenate([_differences(*one, *other), _differences(*other, *one)])
     return float(np.median(some)) if len(some) >= _FEWEST else float("nan")
 
 
-def _turned(o: Outline, h: int, step: float) -> tuple[Floats, Floats]:
-    """Angles about the part and radii of an outline at one height, in order."""
-    known = np.isfinite(o.radius[:, h])
-    angle = np.mod(o.azimuth[known, h] - step * o.step[known], 2 * np.pi)
-    order = np.argsort(angle)
-    return angle[order], o.radius[known, h][order]
+def _turned(o: Outline, step: float) -> tuple[Floats, Floats]:
+    """(h, s) angles about the part, and radii, of an outline at each height, in order; NaN last."""
+    angle = np.mod(o.azimuth - step * o.step[:, None], 2 * np.pi).T
+    angle = np.where(np.isfinite(o.radius.T), angle, np.nan)
+    order = np.argsort(angle, axis=1)
+    return np.take_along_axis(angle, order, axis=1), np.take_along_axis(o.radius.T, order, axis=1)
 
 
 def _differences(at: Floats, radius: Floats, angle: Floats, other: Floats) -> Floats:
-    """(m,) mm between radii at ``at`` and an outline between whose points they lie."""
-    if len(angle) < _FEWEST_STEPS or not len(at):
-        return np.zeros(0)
-    ring = np.concatenate([angle[-1:] - 2 * np.pi, angle, angle[:1] + 2 * np.pi])
-    values = np.concatenate([other[-1:], other, other[:1]])
-    after = np.clip(np.searchsorted(ring, at), 1, len(ring) - 1)
-    near = ring[after] - ring[after - 1] < _GAP * 2 * np.pi / len(angle)
-    low, high = ring[after - 1][near], ring[after][near]
+    """(m,) mm between radii (h, s) at the angles ``at`` and another outline, of radii ``other`` at
+    ``angle``, between whose points they lie. Heights of few points are left out."""
+    count = np.isfinite(angle).sum(axis=1)
+    rows = np.flatnonzero(count >= _FEWEST_STEPS)
+    at, radius, angle, other, count = (v[rows] for v in (at, radius, angle, other, count))
+    height, k = np.nonzero(np.isfinite(at))
+    at, radius = at[height, k], radius[height, k]
+    # One ring a height: its last point stands before the first one as well, and its first behind
+    # the last. Three turns lie between two heights, so that one search does for all of them.
+    h = np.arange(len(rows))
+    ring, values = (np.pad(v, ((0, 0), (1, 1)), constant_values=np.nan) for v in (angle, other))
+    for column, source, turn in ((0, count, -2 * np.pi), (count + 1, 1, 2 * np.pi)):
+        ring[h, column] = ring[h, source] + turn
+        values[h, column] = values[h, source]
+    apart = 6 * np.pi * h
+    sorted_rings = np.nan_to_num(ring, nan=4 * np.pi) + apart[:, None]
+    after = np.searchsorted(sorted_rings.ravel(), at + apart[height])
+    ring, values = ring.ravel(), values.ravel()
+    near = ring[after] - ring[after - 1] < _GAP * 2 * np.pi / count[height]
+    at, after = at[near], after[near]
+    low, high = ring[after - 1], ring[after]
     # The chord from point to point: 1/r is a wave of the angle on a straight line.
     across = np.maximum(np.sin(high - low), 1e-9)
-    inverse = np.sin(high - at[near]) / values[after - 1][near]
-    inverse += np.sin(at[near] - low) / values[after][near]
-    off: Floats = np.abs(radius[near] - across / inverse)
-    return off
+    inverse = np.sin(high - at) / values[after - 1] + np.sin(at - low) / values[after]
+    return np.asarray(np.abs(radius[near] - across / inverse))
