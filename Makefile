@@ -68,8 +68,8 @@ drivers: setup system ## install the camera drivers, and the STEP library, that 
 demo: setup ## the main job from end to end: pictures → mesh → DXF, report and pictures
 	$(BIN)/turnscan demo -o demo-output
 
-# More processes than cores: one waits for boards, cameras and guards in real time, one for a browser.
-WORKERS ?= 4
+# More processes than cores: many tests wait for boards, cameras and leases in real time.
+WORKERS ?= 3
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder
 test: drivers ## run all tests
 	$(PYTEST) --durations=20

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import HealthCheck, settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
-from xdist.workermanage import WorkerController
 
 from tests.needs import budget, in_ci, needs_shared
 
@@ -54,15 +53,8 @@ class ByModule(LoadScopeScheduling):
 
     All that drives a browser goes to one process: it draws with the processor, and two of them
     leave nothing of two cores to the boards and leases that other tests wait for. So does what
-    looks through all sources, which are parsed once there. What waits for boards, cameras and
-    guards goes to the last process, one at a time, while the others compute.
+    looks through all sources, which are parsed once there.
     """
-
-    def _assign_work_unit(self, node: WorkerController) -> None:
-        waits = node is self.nodes[-1]
-        suited = (u for u in self.workqueue if u.startswith(REAL_TIME) == waits)
-        self.workqueue.move_to_end(next(suited, next(iter(self.workqueue))), last=False)
-        super()._assign_work_unit(node)
 
     def _split_scope(self, nodeid: str) -> str:
         module = nodeid.partition("::")[0]
@@ -79,9 +71,6 @@ PARSING = [
 
 BROWSER = "tests/app/e2e/"
 """Begun first: one process has work there for more than half of the time of all."""
-
-REAL_TIME = ("tests/devices/", "tests/safety/")
-"""These wait most of their time, for answers that must come within parts of a second."""
 
 LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
 """Rooms of many short modules: they fill the processes evenly while the last long ones end."""
