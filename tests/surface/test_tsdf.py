@@ -201,7 +201,8 @@ def test_a_surface_that_passes_by_the_corners_of_voxels_has_no_needles(height: f
 )
 def test_of_a_place_between_points_noise_alone_averages_out(sigma, share, noise) -> None:
     X = np.eye(3)
-    known = kernels.Vertices(X, np.array(sigma), np.zeros(3), np.arange(3, dtype=np.int32), noise)
+    steps, most = np.arange(3, dtype=np.int32), np.full(3, noise)
+    known = kernels.Vertices(X, np.array(sigma), np.zeros(3), steps, most)
     face = np.arange(3, dtype=np.int32)
     random, own, single, gap = kernels.variances(face, *share, known, np.full(3, 0.5))
     w = np.array([1.0 - sum(share), *share])

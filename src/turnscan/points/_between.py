@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Singles
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.points._build import goes_round
 from turnscan.points._grid import RangeGrid
@@ -104,9 +104,11 @@ def _between(
     lost = np.where(found[a], grid.flags[b], grid.flags[a])
     lost = np.where(found[a] & found[b], np.uint16(StripeFlag.AMBIGUOUS), lost)
     near = np.where(w <= 0.5, grid.flags[a], grid.flags[b])
-    sigma = np.hypot(
-        np.where(w == 1, 0.0, (1 - w) * grid.sigma[a]), np.where(w == 0, 0.0, w * grid.sigma[b])
-    )
+
+    def spread(sigma: Floats | Singles) -> Floats:
+        first, second = np.where(w == 1, 0.0, sigma[a]), np.where(w == 0, 0.0, sigma[b])
+        return np.where(there, np.hypot((1 - w) * first, w * second), np.nan)
+
     eyes = grid.eyes
     if eyes is not None:
         # The camera stands still: in the object's frame it turns back as the table turns.
@@ -119,7 +121,7 @@ def _between(
         steps=np.arange(len(wanted), dtype=np.int32),
         angles=wanted,
         points=mean(grid.points),
-        sigma=np.where(there, sigma, np.nan),
+        sigma=spread(grid.sigma),
         amplitude=mean(grid.amplitude),
         flags=np.where(there, near, lost).astype(np.uint16),
         closed=goes_round(wanted),
@@ -129,6 +131,7 @@ def _between(
         else there & np.where(w == 1, grid.behind[b], grid.behind[a]),
         light_doubt=doubt,
         halo=None if grid.halo is None else np.fmax(grid.halo[a], grid.halo[b]),
+        noise=None if grid.noise is None else spread(grid.noise).astype(np.float32),
     )
 
 

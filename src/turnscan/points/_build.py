@@ -103,6 +103,7 @@ def build_grid(
         eyes=np.einsum("sij,j->si", rotation_z(-turns), eye),
         behind=handed_over(behind & ~lost),
         halo=_moved_by_halo(stripes, lines, scale),
+        noise=handed_over((sigma * scale).astype(np.float32), nan=True),
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
@@ -322,5 +323,6 @@ def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
         behind=None if grid.behind is None else grid.behind[index],
         light_doubt=None if grid.light_doubt is None else grid.light_doubt[index],
         halo=None if grid.halo is None else grid.halo[index],
+        noise=None if grid.noise is None else grid.noise[index],
         thickness=grid.thickness,
     )

@@ -67,6 +67,9 @@ class RangeGrid:
     halo: Singles | None = None
     """(s, n) mm by which light that spread in the material is estimated to have moved a point along
     the laser sheet, where it is flagged HALO; NaN elsewhere and where its tails do not tell."""
+    noise: Singles | None = None
+    """(s, n) mm: of ``sigma``, what moves each point by itself, so that it averages out; the rest
+    may move those beside it alike. NaN where missing; None where it is not known."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:
@@ -87,6 +90,9 @@ class RangeGrid:
         if self.halo is not None:
             halo = frozen(self.halo, (s, n), "RangeGrid.halo", np.float32, nan=True)
             put(self, "halo", halo)
+        if self.noise is not None:
+            noise = frozen(self.noise, (s, n), "RangeGrid.noise", np.float32, nan=True)
+            put(self, "noise", noise)
         if self.behind is not None:
             put(self, "behind", frozen(self.behind, (s, n), "RangeGrid.behind", np.bool_))
 
@@ -142,6 +148,7 @@ class RangeGrid:
             behind=None if self.behind is None else self.behind[:, lines],
             light_doubt=None if self.light_doubt is None else self.light_doubt[:, lines],
             halo=None if self.halo is None else self.halo[:, lines],
+            noise=None if self.noise is None else self.noise[:, lines],
         )
 
     def among(self, lines: slice, light: Floats, flags: Flags) -> RangeGrid:
@@ -174,6 +181,7 @@ class RangeGrid:
             behind=None if behind is None else all_of(behind, False),
             light_doubt=None if doubt is None else all_of(doubt, 0.0),
             halo=None if halo is None else all_of(halo, np.nan, nan=True),
+            noise=None if self.noise is None else all_of(self.noise, np.nan, nan=True),
         )
 
 

@@ -142,6 +142,9 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
     if doubt is not None:
         mean = doubt[k, a] + w[..., None] * (doubt[k, b] - doubt[k, a])
         doubt = np.nan_to_num(mean).astype(np.float32)
+    noise = grid.noise
+    if noise is not None:
+        noise = np.hypot((1.0 - w) * noise[k, a], w * noise[k, b]).astype(np.float32)
     return replace(
         grid,
         points=start + w[..., None] * (end - start),
@@ -151,5 +154,6 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
         flags=flags.astype(np.uint16),
         behind=behind,
         halo=None if grid.halo is None else np.fmax(grid.halo[k, a], grid.halo[k, b]),
+        noise=noise,
         origin=Origin(grid, np.where(there, at - 1 + w, np.nan)),
     )

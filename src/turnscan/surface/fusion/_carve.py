@@ -81,4 +81,7 @@ def _part(s: RangeSurface, keep: Bools) -> RangeSurface:
     """The surface of the faces where ``keep`` (f,) is True."""
     used = np.zeros(len(s.mesh.vertices), dtype=np.bool_)
     used[s.mesh.faces[keep]] = True
-    return replace(s, mesh=submesh(s.mesh, keep), eyes=s.eyes[used], normals=s.normals[used])
+    random = None if s.random is None else s.random[used]
+    return replace(
+        s, mesh=submesh(s.mesh, keep), eyes=s.eyes[used], normals=s.normals[used], random=random
+    )

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.errors import InputError
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import roughness, smoothed_normals
@@ -35,6 +35,9 @@ class RangeSurface:
     """(v, 3) mm."""
     normals: Floats
     """(v, 3) unit normals, steady against noise (`smoothed_normals`)."""
+    random: Floats | None = None
+    """(v,) part of the variance of each vertex, 0 to 1, that moves it alone; None where the grid
+    does not know (`RangeGrid.noise`)."""
 
     @property
     def cosine(self) -> Floats:
@@ -52,6 +55,12 @@ class RangeSurface:
         known = sigma[sigma > 0]
         usual = float(np.median(known)) if len(known) else roughness(self.mesh)
         return np.where(sigma > 0, sigma, usual)
+
+    def noise(self, most: float) -> Floats:
+        """(v,) mm: of `sigma`, what averages out; up to ``most`` mm of it where none is known."""
+        if self.random is None:
+            return np.minimum(self.sigma, most)
+        return self.sigma * np.sqrt(self.random)
 
     @cached_property
     def ranks(self) -> Ints:
@@ -180,8 +189,19 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
         raise TypeError("the mesh of a grid knows its steps")
     order = np.argsort(grid.steps, kind="stable")
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
-    eyes = grid.eyes[at]
-    return RangeSurface(mesh, eyes, smoothed_normals(mesh))
+    return RangeSurface(
+        mesh, grid.eyes[at], smoothed_normals(mesh), _random(grid, at, mesh.provenance.line)
+    )
+
+
+def _random(grid: RangeGrid, step: Longs, line: Ints) -> Floats | None:
+    """(v,) `RangeSurface.random` of the points measured at these rows and lines of a grid."""
+    measured = grid if grid.origin is None else grid.origin.grid
+    if measured.noise is None:
+        return None
+    with np.errstate(invalid="ignore", divide="ignore"):
+        part = (measured.noise[step, line] / measured.sigma[step, line]) ** 2
+    return np.minimum(np.nan_to_num(part, nan=1.0), 1.0)
 
 
 def spacing(surfaces: Sequence[RangeSurface]) -> float:

@@ -274,7 +274,7 @@ def _filled(
     usual, noise = usual_sigma(every) or 1.0, usual_sigma(every, most=True) or 1.0
     between = [s.between(_EDGES * most, slight=True) for s in parts]
     known = [
-        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, noise),
+        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise)),
          s.normals, _border_weights(s, usual))
         for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip

@@ -24,8 +24,8 @@ class Vertices(NamedTuple):
     """(v,) mm: how far the surface may lie off its chords to the neighbouring profiles."""
     step: Ints
     """(v,) the profile of each, in any numbers."""
-    noise: float
-    """mm: sigma that noise makes at most. What goes beyond are edges, creases and chords, which
+    noise: Floats
+    """(v,) mm: what of sigma noise makes. What goes beyond are edges, creases and chords, which
     move neighbours, and all surfaces, alike."""
 
 
@@ -41,11 +41,10 @@ def variances(
     """
     a, b, c = face
     w = 1.0 - u - v
-    most = vertices.noise * vertices.noise
     noise, common, single = 0.0, 0.0, 0.0
     for share, k in ((w, a), (u, b), (v, c)):
         whole = vertices.sigma[k] * vertices.sigma[k]
-        part = min(whole, most)
+        part = min(whole, vertices.noise[k] * vertices.noise[k])
         noise += share * share * part
         common += share * np.sqrt(whole - part)
         single += share * share * whole
