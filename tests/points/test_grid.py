@@ -16,6 +16,7 @@ from tests.points.grids import plain_grid
 from turnscan.errors import Degenerate, InputError, LimitExceeded
 from turnscan.points import (
     Along,
+    Between,
     Volume,
     angle_findings,
     build_grid,
@@ -27,6 +28,7 @@ from turnscan.points import (
     lost_frames,
     profiles,
     resample,
+    respace,
     view_mask,
     whole_turns,
     widened,
@@ -135,6 +137,27 @@ def test_a_stripe_s_halo_becomes_millimetres_along_the_sheet_and_stays_through_p
     coarser = resample(grid, Along(5.0, "arc"))
     assert np.nanmax(coarser.halo) == pytest.approx(np.nanmax(grid.halo), rel=0.1)
     assert np.isnan(coarser.halo[2:]).all()
+
+
+def test_a_point_s_own_noise_is_its_stripe_s_and_stays_through_parts_of_a_grid():
+    rig, angles = make_rig(lift=28.0), full_turn(60)
+    stripes = scan_shape(rig, sphere(18.0, (7.0, 2.0, 28.0)), angles)
+    known = build_grid(rig, "L0", stripes, range(60), angles)
+    shaky = build_grid(rig, "L0", stripes, range(60), angles, np.full(60, 0.06))
+    there = known.found
+    assert np.array_equal(~np.isnan(known.noise), there)
+    assert np.array_equal(shaky.noise, known.noise, equal_nan=True), (
+        "an angle moves a whole profile"
+    )
+    assert (known.noise[there] <= known.sigma[there] * (1 + 1e-6)).all()
+    assert np.median(shaky.sigma[there] / shaky.noise[there]) > 1.5
+    assert np.array_equal(every(shaky, 2).noise, shaky.noise[::2], equal_nan=True)
+    few = shaky.of_lines(slice(80, 120))
+    assert np.array_equal(few.noise, shaky.noise[:, 80:120], equal_nan=True)
+    half = replace(shaky, noise=(shaky.sigma / 2).astype(np.float32))
+    for other in (resample(half, Along(2.0)), respace(half, Between(np.deg2rad(4.0), "rad"))):
+        some = other.found
+        assert other.noise[some] == pytest.approx(other.sigma[some] / 2, rel=1e-6)
 
 
 @pytest.mark.parametrize(

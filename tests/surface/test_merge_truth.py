@@ -208,3 +208,18 @@ def test_where_most_points_are_doubtful_their_doubt_is_not_the_usual_noise() -> 
     assert usual_sigma(np.concatenate([noise, np.full(80, 1.3)])) == pytest.approx(0.1)
     assert usual_sigma(np.concatenate([noise, np.full(150, 1.3)])) == pytest.approx(0.13)
     assert usual_sigma(np.zeros(0)) == 0.0
+
+
+@pytest.mark.parametrize("how", ["grid", "tsdf"])
+def test_what_points_doubt_beside_their_own_noise_does_not_average_out(how: str) -> None:
+    doubt = 0.1
+    ring = turned(np.arange(120) * np.deg2rad(3.0), np.full(100, 20.0), sigma=doubt)
+
+    def sigma(noise: float | None) -> float:
+        own = None if noise is None else np.full(ring.sigma.shape, noise, np.float32)
+        grids = [replace(ring, laser=name, noise=own) for name in ("L0", "L1")]
+        return float(np.median(merge(grids, how=how)[0].provenance.sigma))
+
+    assert sigma(None) == pytest.approx(sigma(doubt), rel=1e-6), "what is usual is noise"
+    assert sigma(doubt) < 0.8 * doubt
+    assert sigma(0.01) > 0.95 * doubt, "all that is known is doubted, and by both alike"

@@ -49,6 +49,8 @@ class PolarGrid:
     """(surfaces, s, n) cosine between the surface's normal and the radius."""
     noise: Floats
     """(surfaces, s, n) mm along the normal: the sigma of the points."""
+    random: Floats
+    """(surfaces, s, n) mm along the normal: of that, what averages out."""
     spread: Floats
     """(surfaces, s, n) mm along the normal: that and what the surface may do between its
     profiles."""
@@ -94,7 +96,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
     bottom = float(heights.min())
     shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
-    radius, slope, noise, spread, bend, aside = np.full((6, *shape), np.nan)
+    radius, slope, noise, random, spread, bend, aside = np.full((7, *shape), np.nan)
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
     most = usual_sigma(np.concatenate([s.sigma for s in surfaces]), most=True)
     met = clashes = 0
@@ -115,7 +117,15 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             (bottom, rise),
             (alike, room),
             kernels.Cells(
-                radius[i], weight[i], slope[i], noise[i], spread[i], bend[i], source[i], aside[i]
+                radius[i],
+                weight[i],
+                slope[i],
+                noise[i],
+                random[i],
+                spread[i],
+                bend[i],
+                source[i],
+                aside[i],
             ),
         )
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
@@ -130,6 +140,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         weight,
         slope,
         noise,
+        random,
         spread,
         bend,
         source,
@@ -200,8 +211,8 @@ def merge_polar(
     cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
     it makes a measurement count less, and the sigma of a cell larger. Averaging lowers noise alone
-    (`usual_sigma`): what is known worse, at an edge or between profiles, all surfaces may have
-    alike.
+    (`RangeSurface.noise`): what is known worse, at an edge or between profiles, all surfaces may
+    have alike.
     Where its bend may be more than three quarters of a line's distance and more than three usual
     sigma, nothing was measured, and the cell is left to the other surfaces; so is one between
     profiles that is known ten times worse than usual (`_vague`). A vertex has the provenance of the
@@ -229,10 +240,10 @@ def merge_polar(
     with np.errstate(invalid="ignore", divide="ignore"):
         radius = np.nansum(weight * grid.radius, axis=0) / total
         phi = grid.angles[:, None] + np.nansum(weight * grid.aside, axis=0) / total
-        known = np.minimum(grid.spread, usual_sigma(measured, most=True))
-        common = np.sqrt(grid.spread**2 - known**2)
-        sigma = np.sqrt(
-            np.nansum((weight * known) ** 2, axis=0) + np.nansum(weight * common, axis=0) ** 2
+        common = np.sqrt(np.maximum(grid.spread**2 - grid.random**2, 0.0))
+        sigma = np.hypot(
+            np.sqrt(np.nansum((weight * grid.random) ** 2, axis=0)),
+            np.nansum(weight * common, axis=0),
         )
         sigma /= total
     _, s, n = grid.radius.shape

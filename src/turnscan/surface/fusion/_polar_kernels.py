@@ -25,6 +25,8 @@ class Cells(NamedTuple):
     """Cosine between the surface's normal and the radius."""
     noise: Floats
     """mm along the normal: sigma of the vertices."""
+    random: Floats
+    """mm along the normal: of that, what averages out."""
     spread: Floats
     """mm along the normal: that and what the surface may do between its profiles."""
     bend: Floats
@@ -125,13 +127,14 @@ def _put(
     k: int,
     z: int,
     place: tuple[float, float, float, float],
-    variance: tuple[float, float, float],
+    variance: tuple[float, float, float, float],
     source: int,
 ) -> None:
-    """Write a cell: radius, weight, slope and how far aside; the three variances, mm²; a vertex."""
+    """Write a cell: radius, weight, slope and how far aside; the four variances, mm²; a vertex."""
     cells.radius[k, z], cells.weight[k, z], cells.slope[k, z], cells.aside[k, z] = place
-    cells.noise[k, z], cells.spread[k, z] = np.sqrt(variance[0]), np.sqrt(variance[1])
-    cells.bend[k, z], cells.source[k, z] = np.sqrt(variance[2]), source
+    cells.random[k, z], cells.noise[k, z] = np.sqrt(variance[0]), np.sqrt(variance[1])
+    cells.spread[k, z], cells.bend[k, z] = np.sqrt(variance[2]), np.sqrt(variance[3])
+    cells.source[k, z] = source
 
 
 @njit(cache=True, nogil=True)
@@ -203,13 +206,14 @@ def raster(
                 there = beside == 0.0 and cells.aside[k, z] == 0.0
                 met += beside == 0.0 and not there
                 clashes += there and abs(r - cells.radius[k, z]) > alike
-                _, own, single, gap = variances(faces[f], u, v, vertices, vertices.between)
+                random, own, single, gap = variances(faces[f], u, v, vertices, vertices.between)
                 w = 1.0 - u - v
                 strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(single + gap, 1e-12)
                 if not _counts(cells, k, z, beside, strong * r):
                     continue
                 bend = variances(faces[f], u, v, vertices, bends)[3]
                 source = a if w >= u and w >= v else (b if u >= v else c)
-                _put(cells, k, z, (r, strong, steep, beside), (own, own + gap, own + bend), source)
+                known = (random, own, own + gap, own + bend)
+                _put(cells, k, z, (r, strong, steep, beside), known, source)
             k += 1
     return met, clashes
