@@ -68,6 +68,12 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "np.hypot(w * grid.sigma[k, a], (1.0 - w) * grid.sigma[k, b])",
             "a point between two takes the sigma of the farther one",
         ),
+        (
+            "points/_grid.py",
+            "noise=None if self.noise is None else self.noise[:, lines],",
+            "noise=None,",
+            "a part of a grid forgets the noise of its points",
+        ),
     ],
     "shapes": [
         (
@@ -95,6 +101,24 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "both = 2.0 * correlation * np.sqrt",
             "both = 2.0 * np.sqrt",
             "two places on a slope have the same noise",
+        ),
+        (
+            "surface/fusion/_range_surface.py",
+            "measured = grid if grid.origin is None else grid.origin.grid",
+            "measured = grid",
+            "a resampled surface looks for its points' noise among its own lines",
+        ),
+        (
+            "surface/fusion/_range_surface.py",
+            "return self.sigma * np.sqrt(self.random)",
+            "return self.sigma",
+            "what points doubt averages out like noise",
+        ),
+        (
+            "surface/fusion/_carve.py",
+            "s.random[used]",
+            "s.random[: used.sum()]",
+            "what is left of a carved surface has the noise of other points",
         ),
         (
             "surface/decimation/_decimate.py",

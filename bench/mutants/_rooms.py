@@ -106,6 +106,10 @@ ROOMS = {
             Suite(("surface/test_tsdf.py", "-k", "squares"), only=("surface/fusion/_tsdf*",)),
             Suite(("surface/test_tsdf.py", "-k", "anyhow"), True, ("*/_vertex_sigma.py",)),
             Suite(("surface/test_decimate.py", "-k", "dissolved"), True, ("*/_decimate.py",)),
+            Suite(
+                ("surface/test_merge_truth.py", "-k", "own_point or beside or looked"),
+                only=("*/_range_surface.py", "*/_carve.py"),
+            ),
             Suite(("surface/test_fill.py", "-k", "steeper"), only=("surface/holes/_fill.py",)),
             Suite(("surface/test_denoise.py", "-k", "believed"), only=("surface/_noise.py",)),
         ),

@@ -16,7 +16,7 @@ from tests.surface.grids import turned
 from tests.surface.known_parts import PARTS, scan, scanned
 from turnscan.mesh import Mesh, Provenance, crossings, longest_sides
 from turnscan.mesh._parts import joined_provenance
-from turnscan.points import usual_sigma
+from turnscan.points import Along, resample, usual_sigma
 from turnscan.shapes import deviation
 from turnscan.surface.clean import drop_islands
 from turnscan.surface.fusion import RangeSurface, merge, range_surfaces
@@ -68,6 +68,18 @@ def test_what_one_laser_looked_through_is_no_surface_of_the_other() -> None:
     assert not len(kept[0].mesh.faces)
     # Nothing is asked of faces that are as good as measured.
     assert carved([screen, right], 5.0)[1] == 0
+    # What is left of a surface keeps what is known of its own vertices.
+    twice = Mesh(
+        np.concatenate([x, x + [0.0, 200.0, 0.0]]),
+        np.concatenate([faces, faces + 4]),
+        Provenance(*(np.tile(v, 2) for v in (few.sigma, few.laser, few.step, few.line)), ("L0",)),
+    )
+    two = RangeSurface(
+        twice, np.tile(screen.eyes, (2, 1)), np.tile(screen.normals, (2, 1)), np.arange(8) / 8
+    )
+    (left, _), count = carved([two, right], 0.3)
+    assert count == 2
+    assert left.random == pytest.approx(np.arange(4, 8) / 8)
 
 
 def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:
@@ -223,3 +235,14 @@ def test_what_points_doubt_beside_their_own_noise_does_not_average_out(how: str)
     assert sigma(None) == pytest.approx(sigma(doubt), rel=1e-6), "what is usual is noise"
     assert sigma(doubt) < 0.8 * doubt
     assert sigma(0.01) > 0.95 * doubt, "all that is known is doubted, and by both alike"
+
+
+def test_a_vertex_of_a_resampled_surface_knows_the_noise_of_its_own_point() -> None:
+    ring = turned(np.arange(60) * np.deg2rad(6.0), np.full(100, 20.0), sigma=0.1)
+    noise = np.broadcast_to(np.linspace(0.01, 0.1, 100), ring.sigma.shape)
+    ring = replace(ring, noise=noise.astype(np.float32))
+    plain, coarse = (range_surfaces(g)[0] for g in (ring, resample(ring, Along(1.7))))
+    assert 0 < len(coarse.mesh.vertices) < 0.5 * len(plain.mesh.vertices)
+    part = (noise[0] / 0.1) ** 2
+    for s in (plain, coarse):
+        assert s.random == pytest.approx(part[s.mesh.provenance.line], rel=1e-5)
