@@ -293,6 +293,35 @@ def test_where_no_bend_was_seen_no_edge_says_that_there_is_none():
     np.testing.assert_allclose(other.between(edges=1.0)[near], said[near])
 
 
+def test_over_an_edge_beyond_which_one_profile_was_seen_a_merge_is_as_unsure_as_it_is_off():
+    """The front of a plate, seen step by step, and of its end, at a right angle, one profile: what
+    is linked to that cuts the edge off, and no profile beyond says so. A round part goes on to bend
+    as it did, and is doubted no more for that."""
+    angles = np.deg2rad(np.arange(-30.0, 76.0, 15.0))
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    # Front x = 10, end y = 30.
+    plate = np.minimum(10.0 / out[:, 0], 30.0 / np.maximum(out[:, 1], 1e-9))
+    grid = turned(angles, np.full(30, 1.0), sigma=0.02)
+    flat, tube = (
+        range_surfaces(replace(grid, points=grid.points + (r - 1.0)[:, None, None] * out[:, None]))[
+            0
+        ]
+        for r in (plate, np.full(len(angles), 20.0))
+    )
+    for one, more in ((flat, 4.0), (tube, 1.0)):
+        plain, doubted = (one.between(edges=5.0, slight=True, ends=e) for e in (False, True))
+        before_last = one.ranks == one.ranks.max() - 1
+        assert np.median(doubted[before_last] / plain[before_last]) >= more
+        assert doubted[~before_last] == pytest.approx(plain[~before_last])
+    assert doubted == pytest.approx(plain), "of the tube, in all profiles"
+    mesh = fuse([flat], 1.0, 2.5, most=10.0)
+    x, y, z = mesh.vertices.T
+    cut = (y > 17.5) & (y < 29.9) & (z > 2.0) & (z < 13.0)
+    off = np.minimum(10.0 - x, 30.0 - y)[cut]
+    assert off.max() > 1.5
+    assert 0.8 < np.sqrt(np.mean((off / mesh.provenance.sigma[cut]) ** 2)) < 2.5, "8.7 before"
+
+
 def test_what_is_known_worse_than_usual_is_not_averaged_away():
     """Noise is; what an edge does to one laser it does to the other as well."""
     angles = np.arange(60) * 2 * np.pi / 60

@@ -87,7 +87,7 @@ class RangeSurface:
             raise TypeError("the mesh of a grid knows its steps")
         return self.mesh.provenance
 
-    def between(self, edges: float = 0.0, *, slight: bool = False) -> Floats:
+    def between(self, edges: float = 0.0, *, slight: bool = False, ends: bool = False) -> Floats:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal
@@ -96,7 +96,7 @@ class RangeSurface:
         the sagitta counts, and a part of it. Where there are not three profiles in a row nothing is
         known of the bend; there it is an eighth of the usual distance between two profiles. Up to
         ``edges`` mm it counts what an edge between them does, with ``slight`` also one of which one
-        profile shows little.
+        profile shows little, with ``ends`` also one before a profile beyond which there is none.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
@@ -110,7 +110,7 @@ class RangeSurface:
         off = np.where(np.isnan(off), aside, off)
         if edges > 0:
             # Where nothing is known of the bend, no edge that was not seen says there is none.
-            off = np.maximum(off, np.minimum(self._creases(second, slight), edges))
+            off = np.maximum(off, np.minimum(self._creases(second, slight, ends), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
@@ -137,14 +137,15 @@ class RangeSurface:
             ]
             return np.asarray(np.fmax(*apart) <= _EVEN * self.sigma)
 
-    def _creases(self, second: Floats, slight: bool) -> Floats:
+    def _creases(self, second: Floats, slight: bool, ends: bool) -> Floats:
         """(v,) mm: how far an edge between two profiles stands off their chord, from the second
         differences (v,) along the normal.
 
         An edge that divides a step as t : 1 − t bends the profiles beside it by (1 − t) and t of
         its turn, and stands t (1 − t) of that off the chord: the product of the two bends over
         their sum. What the profiles further out bend as well is no edge, nor is what noise bends:
-        each of the two, or, for a ``slight`` one, both together.
+        each of the two, or, for a ``slight`` one, both together. Of a profile beyond which there is
+        none nobody knows how the surface bends there: at the ``ends``, as much as before it.
         """
         before, after = self.neighbours
         out = np.zeros(len(second))
@@ -155,6 +156,8 @@ class RangeSurface:
                 sign = np.sign(second)
                 mine = sign * (second - np.where(far >= 0, second[far], np.nan))
                 other = sign * (second[near] - np.where(beyond >= 0, second[beyond], np.nan))
+                if ends:
+                    other = np.where(there & (beyond < 0), mine, other)
                 noise = np.hypot(self.sigma, self.sigma[near])
                 sure = slight & (mine + other > _SURE * noise)
                 least = np.where(sure, 0.0, _BENT * noise)

@@ -272,7 +272,7 @@ def _filled(
     source = np.full(volume.shape[1:], -1, dtype=np.int32)
     every = np.concatenate([s.sigma for s in parts])
     usual, noise = usual_sigma(every) or 1.0, usual_sigma(every, most=True) or 1.0
-    between = [s.between(_EDGES * most, slight=True) for s in parts]
+    between = [s.between(_EDGES * most, slight=True, ends=True) for s in parts]
     known = [
         (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise)),
          s.normals, _border_weights(s, usual))
