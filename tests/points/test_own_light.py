@@ -46,7 +46,8 @@ def notched(width: float, light: float, *, deep: float = 6.0, step: float = STEP
         (1.0, 1.0, 0.0, 0.06),
         (0.8, 1.0, 0.0, 0.06),  # narrower, but nothing is missing
         (0.7, 0.5, 0.3, 0.9),
-        (0.7, 0.85, 0.1, 0.35),
+        (0.7, 0.85, 0.0, 0.06),  # as on a wall that lies like the chord to one side
+        (0.6, 0.7, 0.1, 0.6),
         (0.45, 0.25, 0.8, 1.3),
     ],
 )
@@ -120,6 +121,36 @@ def test_a_narrow_stripe_with_less_light_than_its_slope_sends_is_cut(light, cut)
     )
     assert np.all((due[7] > 0.2 * seen.width[7]) == cut)
     assert not np.delete(due, 7, 0).any()
+
+
+@pytest.mark.parametrize(
+    ("width", "light", "doubted"),
+    [
+        (1.0, 1.0, False),
+        (0.93, 1.2, False),  # speckle, on the whole stretch
+        (1.0, 0.65, True),  # so wide by chance: a third of its light is missing
+        (0.85, 1.0, True),  # between what the two chords say
+        (0.85, 0.8, True),
+    ],
+)
+def test_a_stripe_as_wide_and_bright_as_on_the_chord_to_one_side_is_whole(width, light, doubted):
+    """Beside an edge between coarse steps the chord to one side runs on another face. To the other
+    side the surface leans by 40°: stripes there are 0.74 as wide as one that faces the camera, and
+    have 0.77 of its light; what speckle does to one line says nothing."""
+    facing, lean = 0.2 * np.cos(0.4), np.tan(0.4)
+    turned = np.deg2rad(-40.0)
+    walk = np.stack([np.full((S, N), facing * (1 - lean * np.tan(a))) for a in (turned, 0.6)])
+    seen = notched(width * facing / walk[0, 0, 0], light * np.cos(turned))
+    seen.width[7, 5] *= 1.4
+    seen.amplitude[7, 5] *= 0.3
+    blind = np.broadcast_to((np.arange(S) == 7)[:, None], (S, N))
+    none = np.zeros((S, N), np.bool_)
+    before = np.where(blind, 0.3 * DUE, 0.0)
+    doubt = by_own_light(
+        seen, Own(seen.width, seen.amplitude, walk), before, Alone(none, none, blind, none), THICK,
+        lambda w: np.full(w.shape, np.nan),
+    )  # fmt: skip
+    assert np.all(doubt[7] >= 0.3 * DUE) if doubted else not doubt[7].any()
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,10 @@ _DARK = 0.7
 _USUAL = 0.7
 """Part of how far an edge under the sheet may move a centre by which it usually does, where nothing
 but chords of long steps says that there is one."""
+_LIKE, _AS_BRIGHT = 0.1, (0.8, 1.35)
+"""Part of its width by which a stripe may differ from what is due on the chord to one side, and
+parts of the light due there from which to which it may have, to lie whole on a surface that goes on
+as that chord does."""
 _BENDS = 0.5
 """rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
 bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
@@ -108,20 +112,20 @@ def by_own_light(
     whole = own.width * own.bright
     best = _best(whole)
     alike = np.zeros(len(best), dtype=np.bool_)
+    due_of = partial(_due, thickness=thickness, due_on=due_on)
     if thickness > 0:
-        on = partial(_due, thickness=thickness, due_on=due_on)
-        best, alike = _of_whole(best, own.width, light, on)
+        best, alike = _of_whole(best, own.width, light, due_of)
     asked = alone.lone | alone.still | alone.blind | (doubt > 0) | (whole < _DARK * best) | alike
     at = np.nonzero(asked & (own.width > 0))
     if not (thickness > 0 and len(at[0])):
         return doubt
     width, noise = own.width[at], _noise(whole)
     facing, lean = _facing(light, at)
-    due = _due(facing, thickness, due_on)
+    due = due_of(facing)
     ratio, left = np.minimum(width / due, 1.0), whole[at] / best[at[1]]
     with np.errstate(invalid="ignore", divide="ignore"):
         between = np.sqrt(own.walk[0][at] * own.walk[1][at])
-        fits = np.abs(np.log(width / _due(between, thickness, due_on))) <= _SURE
+        fits = np.abs(np.log(width / due_of(between))) <= _SURE
     off = by_light(left, 1.0 - noise)
     blind = alone.blind[at] & ~(fits & _round(own.walk[:, at[0], at[1]], (facing, lean), left))
     found = np.where(blind, _USUAL * np.minimum(by_width(ratio, _SURE), off) * due, 0.0)
@@ -140,8 +144,46 @@ def by_own_light(
     found = np.minimum(np.maximum(doubt[at], found), most)
     usual = whole[at] / (np.nanmedian(whole) * ratio)
     alone_by = _nothing_beside(ratio, usual, alone.lone[at], alone.still[at])
+    found = np.maximum(found, alone_by * due)
+    steady = _Steady(_about_each(own.width)[at], _about_each(whole / best)[at])
+    on_one = _on_one(own.walk[:, at[0], at[1]], (facing, lean), steady, due_of)
     out = doubt.copy()
-    out[at] = np.nan_to_num(np.maximum(found, alone_by * due))
+    out[at] = np.where(alone.blind[at] & on_one & ~all_alike, 0.0, np.nan_to_num(found))
+    return out
+
+
+class _Steady(NamedTuple):
+    """What stripes are like with those beside them on their profile."""
+
+    width: Floats
+    """(m,) px."""
+    left: Floats
+    """(m,) the part of a whole stripe's light."""
+
+
+def _on_one(
+    walk: Floats, seen: tuple[Floats, Floats], own: _Steady, due: Callable[[Floats], Floats]
+) -> Bools:
+    """(m,) True where a stripe is as wide, and as bright, as is due on a surface that lies like the
+    chord to one side, ``walk`` (2, m).
+
+    What is cut has either by chance alone, and both on a whole stretch of its profile hardly ever.
+    ``seen`` is of `_facing`.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        send = np.cos(np.arctan((1 - walk / seen[0]) / seen[1]))
+        wide = np.abs(np.log(own.width / np.stack([due(w) for w in walk]))) <= _LIKE
+        bright = (own.left >= _AS_BRIGHT[0] * send) & (own.left <= _AS_BRIGHT[1] * send)
+    return np.asarray((wide & bright).any(axis=0))
+
+
+def _about_each(values: Floats) -> Floats:
+    """(s, n) the median of each with up to `_LINES` to either side that its profile has."""
+    out = values.copy()
+    for row in out:
+        have = np.flatnonzero(~np.isnan(row))
+        if len(have):
+            row[have] = _median_about(row[have], _LINES)
     return out
 
 
