@@ -20,6 +20,8 @@ _BENT = 3.0
 """Combined sigma by which two bends must each differ from the next to be those of an edge, …"""
 _SURE = 11.2
 """… and by which both must together: three times what noise alone makes, the root of 14."""
+_ALONE = 6.3
+"""… and one by itself, of a profile beyond which nothing was seen: twice what noise makes of it."""
 _EVEN = 6.0
 """Sigma by which a bend differs from those beside it at most, where the surface bends evenly."""
 _BULGE = 0.3
@@ -156,9 +158,10 @@ class RangeSurface:
                 sign = np.sign(second)
                 mine = sign * (second - np.where(far >= 0, second[far], np.nan))
                 other = sign * (second[near] - np.where(beyond >= 0, second[beyond], np.nan))
-                if ends:
-                    other = np.where(there & (beyond < 0), mine, other)
                 noise = np.hypot(self.sigma, self.sigma[near])
+                if ends:
+                    last = there & (beyond < 0) & (mine > _ALONE * noise)
+                    other = np.where(last, mine, other)
                 sure = slight & (mine + other > _SURE * noise)
                 least = np.where(sure, 0.0, _BENT * noise)
                 mine, other = (
