@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -46,8 +47,11 @@ def test_ten_lines_lead_from_a_folder_of_pictures_to_a_dxf(
     assert kinds > {"text/html", "image/png"}
     sizes = re.findall(r"parallel lines ([\d.]+) ±([\d.]+)", said)
     assert sizes
-    for mm, expanded in sizes:
-        assert abs(float(mm) - 40.0) <= float(expanded) < 0.35
+    # Of several values one may lie beyond its U by chance; together they do not.
+    off, expanded = np.array([(float(mm) - 40.0, float(u)) for mm, u in sizes]).T
+    assert expanded.max() < 0.35
+    assert np.sqrt(np.mean((off / expanded) ** 2)) <= 1.0
+    assert np.abs(off).max() < 0.1
     dxf = (tmp_path / "part.dxf").read_text()
     assert dxf.count("3DFACE") > 1000
     assert dxf.rstrip().endswith("EOF")

@@ -46,7 +46,7 @@ def notched(width: float, light: float, *, deep: float = 6.0, step: float = STEP
         (1.0, 1.0, 0.0, 0.06),
         (0.8, 1.0, 0.0, 0.06),  # narrower, but nothing is missing
         (0.7, 0.5, 0.3, 0.9),
-        (0.7, 0.85, 0.0, 0.06),  # as on a wall that lies like the chord to one side
+        (0.7, 0.85, 0.03, 0.09),  # as on a wall that lies like the chord to one side
         (0.6, 0.7, 0.1, 0.6),
         (0.45, 0.25, 0.8, 1.3),
     ],
@@ -150,7 +150,10 @@ def test_a_stripe_as_wide_and_bright_as_on_the_chord_to_one_side_is_whole(width,
         seen, Own(seen.width, seen.amplitude, walk), before, Alone(none, none, blind, none), THICK,
         lambda w: np.full(w.shape, np.nan),
     )  # fmt: skip
-    assert np.all(doubt[7] >= 0.3 * DUE) if doubted else not doubt[7].any()
+    # One in sixteen may be cut just so.
+    least, most = (0.3, 2.0) if doubted else (0.02, 0.12)
+    assert np.all((doubt[7] >= least * DUE) & (doubt[7] <= most * DUE)), doubt[7] / DUE
+    assert not np.delete(doubt, 7, 0).any()
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,8 @@ _LIKE, _AS_BRIGHT = 0.1, (0.8, 1.35)
 """Part of its width by which a stripe may differ from what is due on the chord to one side, and
 parts of the light due there from which to which it may have, to lie whole on a surface that goes on
 as that chord does."""
+_BY_CHANCE = 0.25
+"""Part of its doubt that such a stripe keeps: one in sixteen is cut just so that it looks whole."""
 _BENDS = 0.5
 """rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
 bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
@@ -148,7 +150,8 @@ def by_own_light(
     steady = _Steady(_about_each(own.width)[at], _about_each(whole / best)[at])
     on_one = _on_one(own.walk[:, at[0], at[1]], (facing, lean), steady, due_of)
     out = doubt.copy()
-    out[at] = np.where(alone.blind[at] & on_one & ~all_alike, 0.0, np.nan_to_num(found))
+    sure = alone.blind[at] & on_one & ~all_alike
+    out[at] = np.where(sure, _BY_CHANCE, 1.0) * np.nan_to_num(found)
     return out
 
 
