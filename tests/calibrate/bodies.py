@@ -128,11 +128,12 @@ def swept(
         return body((meets(np.stack([u, v], axis=-1)) - shift) @ turn)
 
     X = meets(np.stack(np.meshgrid(u, v), axis=-1))
+    within = (X[..., 2] > heights[0]) & (X[..., 2] < heights[1])
+    standing, f = X[within], np.full(X.shape[:2], 1e3)
     pixels, steps = [], []
     for k, angle in enumerate(true):
         turn, shift = stands = rig.turning(angle)
-        f = body((X - shift) @ turn)
-        f = np.where((X[..., 2] > heights[0]) & (X[..., 2] < heights[1]), f, 1e3)
+        f[within] = body((standing - shift) @ turn)
         into = (f[:, :-1] > 0) != (f[:, 1:] > 0)
         near = (np.abs(f[:, :-1]) < 900) & (np.abs(f[:, 1:]) < 900)
         row, col = np.nonzero(into & near)

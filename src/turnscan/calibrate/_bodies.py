@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, frozen
+from turnscan.arrays import Floats, cross, frozen
 from turnscan.calibrate._part import Part
 from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
 
@@ -139,7 +139,7 @@ class Body:
         derivative (n, q) by the parameters of `names`."""
         local = self.pose.inverse().apply(points)
         away, unit, by_sizes = self.form.nearest(local, self.sizes)
-        by_motion = np.concatenate([-np.cross(local, unit), -unit], axis=1)
+        by_motion = np.concatenate([-cross(local, unit), -unit], axis=1)
         by = np.concatenate([by_motion @ self.form.moves, by_sizes], axis=1)
         return away, self.pose.turn(unit), by
 

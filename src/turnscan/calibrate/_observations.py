@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, cross
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._layout import (
     BoardLayout,
@@ -234,7 +234,7 @@ class RigNetwork:
             R, shift = stacked([state.poses[all_of[j][0]] for j in mine], counts)
             term, powers = board_stripe(state, stripe, seen, self.boards[first].board, (R, shift))
             normal = R[:, :, 2]
-            swing = np.cross(term.by_normal, normal)
+            swing = cross(term.by_normal, normal)
             own = np.concatenate([-swing, term.by_point], axis=1)
             common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
             common[:, -3:] = np.einsum("ni,ni->n", term.by_point, normal)[:, None] * powers
@@ -290,7 +290,7 @@ class RigNetwork:
         by_layout = by_point @ (T.rotation @ spin) @ by_layout
         common[:, c + 6 : -3] = by_layout.reshape(2 * len(pixels), -1)
         turns, shifts = self._swings(state, angle)
-        swing = np.cross(turns, T.turn(arm)[:, None]) + shifts
+        swing = cross(turns, T.turn(arm)[:, None]) + shifts
         common[:, c - len(self._moves) : c] = np.einsum("nij,nkj->nik", by_point, swing).reshape(
             2 * len(pixels), -1
         )
@@ -320,12 +320,12 @@ class RigNetwork:
             term, powers = platter_stripe(state, all_of[mine[0]][1], seen, angle)
             common = self._sheet_columns(term.by_camera, term.by_sheet, laser)
             normal = T.turn(state.rig.turning(angle)[0][:, :, 2])
-            common[:, c : c + 3] = np.cross(normal, term.by_normal)
+            common[:, c : c + 3] = cross(normal, term.by_normal)
             common[:, c + 3 : c + 6] = term.by_point
             up = np.einsum("ni,ni->n", term.by_point, normal)
             common[:, c + 6 : c + 11] = up[:, None] * powers
             turns, shifts = self._swings(state, angle)
-            swing = np.cross(turns, normal[:, None])
+            swing = cross(turns, normal[:, None])
             common[:, c - len(self._moves) : c] = _both(term, swing, shifts)
             for i, end, count in zip(mine, np.cumsum(counts), counts, strict=True):
                 k, part = all_of[i][0], slice(end - count, end)
@@ -352,10 +352,10 @@ class RigNetwork:
         common[:, c + 3 : c + 6] = term.by_point
         common[:, c + 6 : -3] = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
         turns, shifts = self._swings(state, state.angles[k])
-        moved = np.cross(turns, turn @ q0) + shifts
-        common[:, c - len(self._moves) : c] = _both(term, np.cross(turns, normal), moved)
+        moved = cross(turns, turn @ q0) + shifts
+        common[:, c - len(self._moves) : c] = _both(term, cross(turns, normal), moved)
         axis = T.rotation[:, 2]
-        own = term.by_normal @ np.cross(axis, normal) + term.by_point @ np.cross(axis, arm)
+        own = term.by_normal @ cross(axis, normal) + term.by_point @ cross(axis, arm)
         view = len(self.boards) + k
         kind = stripe_kind("table", stripe.laser)
         return Block(view, kind, term.residual, common, own[:, None] if k else own[:, None][:, :0])

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, cross
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
@@ -214,7 +214,7 @@ class Part:
             behind = np.einsum("ni,ni->n", normal, seen.towards @ to_part.rotation.T) < _BEHIND
             centre = local.mean(axis=0)
             own = np.einsum("nim,ni->nm", modes, unit @ to_part.rotation)
-            J = np.concatenate([np.cross(local - centre, unit), unit, own], axis=1)
+            J = np.concatenate([cross(local - centre, unit), unit, own], axis=1)
             w = 1.0 / ((share * max(sigma, _FINEST)) ** 2 + (away / _FAR) ** 2)
             w[behind] *= _HARDLY
             pull = J.T @ (w * away) + known * np.concatenate([np.zeros(6), off])

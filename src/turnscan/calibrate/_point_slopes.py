@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, cross
 from turnscan.calibrate._residuals import CAMERA_SIZE
 from turnscan.calibrate._sweeps import Sweep, turned_back
 from turnscan.rig import Camera, LaserSheet, Pose, Rig, Wobble
@@ -47,33 +47,25 @@ def point_slopes(
     p, q = len(rig.parameter_names), len(rig.motion.names)
     T, sheet = rig.T_camera_table, rig.sheet(sweep.laser)
     X = sheet.intersect(rays)
-    out = np.zeros((len(rays), len(columns), 3))
-    steep = np.einsum("ni,ni->n", sheet.gradient(X), rays)
-    c = lens.shape[1]
-    if c:
-        # X = s·ray stays on the sheet: what leads off it is taken back along the ray.
-        moved = (X[:, 2] / rays[:, 2])[:, None, None] * lens
-        off = np.einsum("ni,nki->nk", sheet.gradient(X), moved) / steep[:, None]
-        out[:, :c] = moved - off[:, :, None] * rays[:, None, :]
-    first = CAMERA_SIZE + _SHEET * rig.sheets.index(sheet)
-    mine = np.flatnonzero((columns >= first) & (columns < first + _SHEET))
-    if len(mine):
-        by = _sheet_slopes(sheet, X)[:, columns[mine] - first] / steep[:, None]
-        out[:, mine] = -by[:, :, None] * rays[:, None, :]
     arm = X - T.translation
-    for j in np.flatnonzero((columns >= p - 6) & (columns < p)):
-        axis = (columns[j] - p) % 3
-        out[:, j] = arm @ _CROSS[axis] if columns[j] < p - 3 else -_AXES[axis]
     step = np.tile(sweep.step, len(rays) // max(len(sweep.step), 1))
     angle = sweep.turned(rig)[step]
-    # Slopes to first order in the axis's own motion.
-    out = out @ T.rotation
     at = sweep.righted((arm @ T.rotation).reshape(-1, len(sweep.step), 3), rig).reshape(-1, 3)
-    inner = np.flatnonzero((columns >= p - 6 - _wobbles(rig)) & (columns < p - 6))
+    # All others, such as those of other sheets, move no point before the table is turned.
+    first = CAMERA_SIZE + _SHEET * rig.sheets.index(sheet)
+    inside, wobble = columns - first, columns - (p - 6 - _wobbles(rig))
+    mine = (columns < CAMERA_SIZE) | ((inside >= 0) & (inside < _SHEET)) | (wobble >= 0)
+    mine &= columns < p
+    out = _before_turning(sheet, rig, (rays, X), lens, columns[mine])
+    # Slopes to first order in the axis's own motion.
+    out = (out.reshape(-1, 3) @ T.rotation).reshape(out.shape)
+    moves = columns[mine] - p + 12
+    inner = np.flatnonzero((moves >= 6 - _wobbles(rig)) & (moves < 6))
     if len(inner):
-        turns, shifts = (s[:, columns[inner] - p + 12] for s in Wobble.slopes(angle))
-        out[:, inner] = -np.cross(turns, at[:, None]) - shifts
-    back = turned_back(out, angle[:, None])
+        turns, shifts = (s[:, moves[inner]] for s in Wobble.slopes(angle))
+        out[:, inner] = -cross(turns, at[:, None]) - shifts
+    back = np.zeros((len(rays), len(columns), 3))
+    back[:, mine] = turned_back(out, angle[:, None])
     spin = turned_back(_drift(rig, angle, at), angle)
     at = turned_back(at, angle)
     spin += np.stack([at[:, 1], -at[:, 0], np.zeros(len(at))], axis=1)
@@ -82,6 +74,33 @@ def point_slopes(
         by = rig.motion.slopes(sweep.angles)[:, columns[inner] - p][step]
         back[:, inner] = by[:, :, None] * spin[:, None]
     return _laid(sweep, poses, at, back, columns - p - q)
+
+
+def _before_turning(
+    sheet: LaserSheet, rig: Rig, seen: tuple[Floats, Floats], lens: Floats, columns: Index
+) -> Floats:
+    """(m, k, 3) mm in the camera frame, about the table's origin: derivative of the points (m, 3)
+    to which rays (m, 3) lead by parameters of the rig; 0 for those of the axis's own motion."""
+    rays, X = seen
+    p, c = len(rig.parameter_names), lens.shape[1]
+    out = np.zeros((len(rays), len(columns), 3))
+    gradient = sheet.gradient(X)
+    steep = np.einsum("ni,ni->n", gradient, rays)
+    if c:
+        # X = s·ray stays on the sheet: what leads off it is taken back along the ray.
+        moved = (X[:, 2] / rays[:, 2])[:, None, None] * lens
+        off = np.einsum("ni,nki->nk", gradient, moved) / steep[:, None]
+        out[:, :c] = moved - off[:, :, None] * rays[:, None, :]
+    first = CAMERA_SIZE + _SHEET * rig.sheets.index(sheet)
+    mine = np.flatnonzero((columns >= first) & (columns < first + _SHEET))
+    if len(mine):
+        by = _sheet_slopes(sheet, X)[:, columns[mine] - first] / steep[:, None]
+        out[:, mine] = -by[:, :, None] * rays[:, None, :]
+    arm = X - rig.T_camera_table.translation
+    for j in np.flatnonzero(columns >= p - 6):
+        axis = (columns[j] - p) % 3
+        out[:, j] = arm @ _CROSS[axis] if columns[j] < p - 3 else -_AXES[axis]
+    return out
 
 
 def _wobbles(rig: Rig) -> int:
@@ -96,7 +115,7 @@ def _drift(rig: Rig, angle: Floats, at: Floats) -> Floats:
         return np.zeros_like(at)
     # It is a wave of the angle: its slope is what it is a quarter of a turn on.
     turn, shift = (rig.wobble.values @ s for s in Wobble.slopes(angle + np.pi / 2))
-    return np.asarray(-np.cross(turn, at) - shift)
+    return np.asarray(-cross(turn, at) - shift)
 
 
 def _laid(sweep: Sweep, poses: tuple[Pose, ...], at: Floats, by: Floats, columns: Index) -> Floats:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Floats, Ints, cross
 from turnscan.rig import LaserSheet, Pose, Rig, Wobble
 
 _LEAST_SHARE = 1e-9
@@ -92,7 +92,7 @@ def moved_by(before: Rig, now: Rig) -> Floats:
 
 def _sheet_moved(before: LaserSheet, now: LaserSheet) -> Floats:
     e1, e2 = before.axes
-    turn = np.cross(before.normal, now.normal)
+    turn = cross(before.normal, now.normal)
     offset = (now.centre - before.centre) @ now.normal
     return np.array([turn @ e1, turn @ e2, offset, *(now.bow - before.bow)])
 

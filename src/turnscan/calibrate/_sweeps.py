@@ -26,7 +26,11 @@ def turned_back(directions: Floats, angle: Floats) -> Floats:
     """Directions (..., 3), each turned by -``angle`` about z, which goes with their first axes."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = directions[..., 0], directions[..., 1]
-    return np.stack([c * x + s * y, c * y - s * x, directions[..., 2]], axis=-1)
+    out = np.empty(np.broadcast_shapes(directions.shape, (*c.shape, 3)))
+    np.add(c * x, s * y, out=out[..., 0])
+    np.subtract(c * y, s * x, out=out[..., 1])
+    out[..., 2] = directions[..., 2]
+    return out
 
 
 @dataclass(frozen=True)

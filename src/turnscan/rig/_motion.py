@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -56,7 +57,7 @@ class TableMotion:
     def angle(self, commanded: npt.ArrayLike) -> Floats:
         """True angles (n,) rad of a scan whose steps went to ``commanded`` (n,) rad, in order."""
         c = np.asarray(commanded, dtype=np.float64)
-        sense, back, left = self._play(c)
+        sense, back, left = _way(c.tobytes())
         play = np.copysign(np.maximum(abs(self.start) - left, 0.0), self.start)
         p = c + sense * (play + self.backlash * back)
         angles: Floats = p + self._waves(p) @ self.harmonics.ravel()
@@ -77,7 +78,7 @@ class TableMotion:
     def slopes(self, commanded: npt.ArrayLike) -> Floats:
         """(n, p) derivative of `angle` by the parameters in `names`."""
         c = np.asarray(commanded, dtype=np.float64)
-        sense, back, left = self._play(c)
+        sense, back, left = _way(c.tobytes())
         play = np.copysign(np.maximum(abs(self.start) - left, 0.0), self.start)
         waves = self._waves(c + sense * (play + self.backlash * back))
         a, b = self.harmonics.T
@@ -92,13 +93,19 @@ class TableMotion:
         turns = p[:, None] * orders
         return np.stack([np.cos(turns), np.sin(turns)], axis=-1).reshape(len(p), -1)
 
-    def _play(self, c: Floats) -> tuple[float, Bools, Floats]:
-        """Sense in which the scan began, where it goes back, and how far it went since."""
-        c = np.unwrap(c)  # a list may begin again at 0 after 360
-        moves = np.sign(np.diff(c, prepend=c[:1]))
-        some = np.flatnonzero(moves)
-        sense = float(moves[some[0]]) if len(some) else 1.0
-        last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(c)), 0))
-        back: Bools = moves[last] == -sense
-        turned = np.maximum.accumulate(back)
-        return sense, back, np.where(turned, np.inf, np.abs(c - c[:1]))
+
+@lru_cache(maxsize=64)
+def _way(told: bytes) -> tuple[float, Bools, Floats]:
+    """Sense in which a scan began, where it goes back, and how far it went since, by its commanded
+    angles: an adjustment asks for that of a few scans again and again."""
+    c = np.unwrap(np.frombuffer(told))  # a list may begin again at 0 after 360
+    moves = np.sign(np.diff(c, prepend=c[:1]))
+    some = np.flatnonzero(moves)
+    sense = float(moves[some[0]]) if len(some) else 1.0
+    last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(c)), 0))
+    back: Bools = moves[last] == -sense
+    turned = np.maximum.accumulate(back)
+    left = np.where(turned, np.inf, np.abs(c - c[:1]))
+    for array in (back, left):
+        array.flags.writeable = False
+    return sense, back, left

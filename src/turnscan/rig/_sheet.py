@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, frozen
+from turnscan.arrays import Floats, cross, frozen, handed_over
 
 THICKEST = 0.01
 """Of a sheet's distance from the camera."""
@@ -60,7 +61,7 @@ class LaserSheet:
         """mm rms: what is thicker so far from the camera is no line."""
         return THICKEST * float(np.linalg.norm(self.centre))
 
-    @property
+    @cached_property
     def axes(self) -> tuple[Floats, Floats]:
         """Unit in-sheet directions e₁ (along the stripe) and e₂ = n × e₁, each (3,).
 
@@ -70,7 +71,7 @@ class LaserSheet:
         lead = np.array([0.0, 1.0, 0.0] if abs(self.normal[1]) < 0.7 else [1.0, 0.0, 0.0])
         e1 = lead - (lead @ self.normal) * self.normal
         e1 /= np.linalg.norm(e1)
-        return e1, np.cross(self.normal, e1)
+        return handed_over(e1), handed_over(cross(self.normal, e1))
 
     def distance(self, points: npt.ArrayLike) -> Floats:
         """Signed distance (...,) mm of points (..., 3) from the sheet, measured along n."""
