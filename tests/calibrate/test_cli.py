@@ -13,6 +13,9 @@ from tests.calibrate.boards import drawn_chessboard, marker_picture
 from turnscan.cli._calibrate import verb
 from turnscan.errors import TurnscanError
 
+SIZE = (48, 64)
+"""Of pictures in which there is nothing: the search for a board is longest in them."""
+
 
 @pytest.fixture
 def folders(tmp_path: Path) -> dict[str, Path]:
@@ -22,7 +25,7 @@ def folders(tmp_path: Path) -> dict[str, Path]:
         folder = tmp_path / name
         folder.mkdir()
         for k in range(6):
-            noise = np.random.default_rng(k).integers(90, 130, (120, 160)).astype(np.uint8)
+            noise = np.random.default_rng(k).integers(90, 130, SIZE).astype(np.uint8)
             Image.fromarray(noise).save(folder / f"p{k}.png")
         out[name] = folder
     out["rig"] = tmp_path / "rig.json"
@@ -95,5 +98,5 @@ def test_a_dark_picture_for_some_only(folders: dict[str, Path], tmp_path: Path) 
     dark = tmp_path / "dark"
     dark.mkdir()
     for k in range(2):
-        Image.fromarray(np.zeros((120, 160), np.uint8)).save(dark / f"d{k}.png")
+        Image.fromarray(np.zeros(SIZE, np.uint8)).save(dark / f"d{k}.png")
     assert "2 with it off" in str(run(folders, "--laser-dark", str(dark)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -35,6 +36,7 @@ from turnscan.rig import LaserSheet, Rig, rig_from_json, rig_to_json
 
 SETTINGS = CalibrationSettings(marker_side=27.5)
 PLACE = (40.0, 40.0)
+SEEDS = range(2, 14 if "TURNSCAN_EXPLORE" in os.environ else 10)
 
 
 @dataclass(frozen=True)
@@ -68,9 +70,11 @@ def together(seed: int) -> Calibration:
 
 
 @cache
-def one_by_one(seed: int) -> tuple[Calibration, Calibration, Calibration]:
+def one_by_one(
+    seed: int, boards: int = 12, stops: int = 16
+) -> tuple[Calibration, Calibration, Calibration]:
     """Camera alone; the laser added to its file; the table added to that."""
-    p = pictures(seed)
+    p = pictures(seed, boards, stops)
     camera = calibrate_rig(p.camera, {}, [], SETTINGS)
     known = KnownRig(rig_from_json(rig_to_json(camera.rig)))
     laser = calibrate_rig([], {"laser": p.laser}, [], SETTINGS, known=known)
@@ -117,12 +121,12 @@ def test_stages_one_by_one_give_what_all_give_together() -> None:
 @pytest.mark.slow
 def test_what_stages_claim_is_what_they_miss_by() -> None:
     pulls = []
-    for seed in range(2, 14):
-        rig = one_by_one(seed)[2].rig
+    for seed in SEEDS:
+        rig = one_by_one(seed, 7, 8)[2].rig
         u = measured_uncertainty(rig, "laser", *PLACE)
         assert u is not None
         pulls.append((measured(rig) - PLACE) / u)
-    # 24 numbers: their rms is known to 15 %.
+    # 16 numbers: their rms is known to 18 %, of the 24 to 15 %.
     assert 0.4 < np.sqrt(np.mean(np.square(pulls))) < 1.45
 
 

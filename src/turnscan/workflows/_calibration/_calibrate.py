@@ -46,6 +46,7 @@ from turnscan.workflows._calibration._calibrate_pictures import (
 )
 from turnscan.workflows._files._reading import read_rig_file
 from turnscan.workflows._files._writing import check_output, write_atomically
+from turnscan.workflows._importing._colour import LEARN, colour_weights
 from turnscan.workflows._options._calibrate import CalibrateOptions
 from turnscan.workflows._options._declare import chosen
 
@@ -303,6 +304,8 @@ def _adjusted(
 ) -> tuple[Calibration, Sequence[str]]:
     """All pictures read and adjusted, and what each stage had to go by."""
     settings = options.settings()
+    if options.colour != LEARN:
+        colour_weights(options.colour)  # a wrong one is refused before pictures are searched
     lasers = list(dict.fromkeys([*pictures.laser, *_sheets_of(known)]))
     lit_on_table = options.lit_on_table(lasers) if pictures.table else None
     found = _listed(pictures)
