@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,9 @@ from turnscan.calibrate._start_table import start_markers
 from turnscan.calibrate._state import State
 from turnscan.errors import Degenerate
 from turnscan.rig import rotation_from_vector
+
+RUNS = range(100, 112 if "TURNSCAN_EXPLORE" in os.environ else 108)
+"""Seeds of repetitions; of eight the rms of three errors each is known to 15 %."""
 
 
 def away(state: State, network: RigNetwork) -> State:
@@ -100,7 +104,7 @@ def test_recovers_a_known_rig_within_its_uncertainty() -> None:
 
 @pytest.mark.slow
 def test_claimed_uncertainty_is_the_spread_of_repetitions() -> None:
-    runs = [solved(seed) for seed in range(100, 112)]
+    runs = [solved(seed) for seed in RUNS]
     ratio = []
     for name in ("camera.fx", "camera.cy", "camera.k1"):
         k = runs[0][1].names.index(name)

@@ -164,7 +164,7 @@ def one_step(network: Network[State], fit: Fit[State], free: Bools) -> tuple[Flo
 
 def shared_columns(network: Network[State], block: Block, system: System, free: Bools) -> Floats:
     """Derivative of a block by the free shared parameters, its view's own following them."""
-    A: Floats = block.common[:, free]
+    A: Floats = block.common.compress(free, axis=1)
     if not block.own.shape[1]:
         return A
     return A - block.own @ (system.inverses[block.view] @ system.cross[block.view])

@@ -130,7 +130,7 @@ def build(
     for some in _by_kind(blocks).values():
         whole = some[0] if len(some) == 1 else _joined(some)
         w = weight(whole, scales, huber)
-        A = whole.common[:, free]
+        A = whole.common.compress(free, axis=1)
         Aw = A * w[:, None]
         H += Aw.T @ A
         g += Aw.T @ whole.residual

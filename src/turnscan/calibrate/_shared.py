@@ -27,7 +27,7 @@ def with_shared_noise(network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools) 
     normal, before = np.zeros((p, p)), np.zeros((p, p))
     rows: dict[str, list[Block]] = {}
     for b in fit.blocks:
-        A = b.common[:, free]
+        A = b.common.compress(free, axis=1)
         if b.kind.startswith("prior"):
             before += A.T @ A
         else:
