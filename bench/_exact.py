@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.mesh import Caster
 from turnscan.simulate import Bench, contrast
-from turnscan.simulate._scene import triangles
+from turnscan.simulate._render import drawn
 
 GRAZING = 0.35
 """Cosine of the angle to the laser or to the camera below which a surface is seen too flatly."""
@@ -51,8 +50,7 @@ class Exact:
 
     def __init__(self, made: Bench) -> None:
         self._made = made
-        self._tri = triangles(made.scene.bodies)
-        self._caster = Caster(self._tri.vertices, self._tri.faces)
+        self._tri, self._caster = drawn(made.scene.bodies)
 
     def crossings(self, angle: float, laser: str) -> Crossings:
         """All crossings with the table at ``angle``; a row may have several, or none."""

@@ -71,12 +71,17 @@ def _drawn(standing: _Standing) -> tuple[Triangles, Caster]:
     return tri, caster
 
 
+def drawn(bodies: tuple[Body, ...]) -> tuple[Triangles, Caster]:
+    """The triangles of bodies and what casts rays at them, as a `Renderer` of them has them."""
+    return _drawn(_Standing(bodies))
+
+
 class Renderer:
     """Renders the pictures of one bench. Holds nothing but what the bench implies."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
-        self._tri, self._caster = _drawn(_Standing(bench.scene.bodies))
+        self._tri, self._caster = drawn(bench.scene.bodies)
         self.view = View(bench, self._tri, self._caster)
 
     def electrons(
