@@ -49,8 +49,6 @@ class Maps:
 
 def maps(grids: Sequence[RangeGrid]) -> Maps:
     """Coverage and noise of the grids' points over angle about the axis and height."""
-    from scipy.stats import binned_statistic_2d
-
     X = np.concatenate([np.zeros((0, 3)), *(g.points[g.found] for g in grids)])
     names = sorted({g.laser for g in grids})
     laser = np.concatenate(
@@ -71,16 +69,38 @@ def maps(grids: Sequence[RangeGrid]) -> Maps:
     known = ~np.isnan(sigma)
     if not known.any():
         return Maps(angle, height, count, np.full(shape, np.nan))
-    middle = binned_statistic_2d(
-        z[known], around[known], sigma[known], "median", (height, angle)
-    ).statistic
-    return Maps(angle, height, count, np.asarray(middle, dtype=np.float64))
+    row, column = _cell(z[known], height), _cell(around[known], angle)
+    middle = _medians(row * shape[1] + column, sigma[known], shape[0] * shape[1])
+    return Maps(angle, height, count, middle.reshape(shape))
+
+
+def _cell(x: Floats, limits: Floats) -> Ints:
+    """(n,) the cell of each number; the last one has its upper limit, too."""
+    return np.minimum(np.searchsorted(limits, x, side="right") - 1, len(limits) - 2)
+
+
+def _medians(cell: Ints, values: Floats, cells: int) -> Floats:
+    """(cells,) the median of the values in each cell; NaN where there is none.
+
+    One sort of all: scipy.stats asks for each cell, and takes a second to be imported.
+    """
+    order = np.lexsort((values, cell))
+    values, count = values[order], np.bincount(cell, minlength=cells)
+    some = count > 0
+    first = (np.cumsum(count) - count)[some]
+    lower, upper = first + (count[some] - 1) // 2, first + count[some] // 2
+    middle = np.full(cells, np.nan)
+    middle[some] = (values[lower] + values[upper]) / 2
+    return middle
 
 
 def surface_figures(done: Reconstruction) -> dict[str, Any]:
     """The numbers of the surface report, for the JSON file."""
+    return _figures(done, maps(done.grids))
+
+
+def _figures(done: Reconstruction, m: Maps) -> dict[str, Any]:
     before = _before(done)
-    m = maps(done.grids)
     measured, missing = area(before).value, sum(h.area for h in done.holes)
     return {
         "surface": {
@@ -147,9 +167,9 @@ def surface_parts(done: Reconstruction) -> list[str]:
     """The surface's part of the HTML page."""
     from turnscan.workflows._pages import _html as html
 
-    figures = surface_figures(done)
-    s = figures["surface"]
     m = maps(done.grids)
+    figures = _figures(done, m)
+    s = figures["surface"]
     share = f"{s['measured_mm2']:.0f} mm² measured, {s['missing_mm2']:.0f} mm² in holes: "
     parts = [html.heading("Coverage"), html.paragraph(f"{share}{s['measured_share']:.1%} measured")]
     caption = "Number of measuring lasers over angle and height; white: none; numbers: the holes"
