@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import Floats
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.formats import ExportOptions
@@ -21,19 +20,14 @@ from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, SimulationSpec, simulated
 from turnscan.surface.holes import ClosingOptions, close
-from turnscan.workflows._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
+from turnscan.workflows._demo_report import DemoFrame, demo_pictures, demo_report
 from turnscan.workflows._files._writing import write_atomically
 from turnscan.workflows._options._demo import DemoOptions
-from turnscan.workflows._pages import _html as html
 from turnscan.workflows._pages._png import write_png
 from turnscan.workflows._scanning._simulated import plan_of, scan_into_file, truth
-from turnscan.workflows._solids._deviation_map import deviation_figure
-from turnscan.workflows._surface._quality_map import quality_figure, quality_line, sigmas
+from turnscan.workflows._surface._quality_map import quality_line, sigmas
 from turnscan.workflows._surface._report import about, summary
 from turnscan.workflows._surface._saving import save
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -138,19 +132,12 @@ def demo(
     clock.lap("writing DXF, STL and PLY, each read back")
     progress(0.9, "comparing with the true shape")
     found = deviation(done.mesh.vertices, truth(devices))
-    quality, sigma = quality_figure(done.mesh, done.holes, found.distance), sigmas(done.mesh)
-    told = quality, quality_line(sigma, found.distance)
-    text = demo_report(devices, done, closed, closing, found, told, frames, clock.laps)
+    sigma = sigmas(done.mesh)
+    told, pictures = quality_line(sigma, found.distance), demo_pictures(done, found, frames)
+    text = demo_report(devices, done, closed, closing, found, told, pictures, frames, clock.laps)
     write_atomically(output / "report.html", text.encode())
-    pictures: dict[str, Image | Figure] = {
-        "stripe": frame_figure(frames[0]),
-        "grid": grid_figure(done.grids[0]),
-        "mesh": done.mesh.show(azimuth=0.6).pixels,
-        "quality": quality,
-        "deviation": deviation_figure(done.mesh, found),
-    }
-    for picture, image in pictures.items():
-        write_atomically(output / f"{picture}.png", html.png(image))
+    for picture, data in pictures.files().items():
+        write_atomically(output / f"{picture}.png", data)
     clock.lap("comparing with the true shape, report")
     files = tuple(sorted(p for p in output.iterdir() if p.is_file()))
     surface = tuple(summary(done, rig))

@@ -19,11 +19,14 @@ from turnscan.simulate import Simulated
 from turnscan.stripes import Stripe
 from turnscan.workflows._pages import _html as html
 from turnscan.workflows._solids._deviation_map import deviation_figure
-from turnscan.workflows._surface._quality_map import PARTS
+from turnscan.workflows._surface._quality_map import PARTS, quality_figure
 from turnscan.workflows._surface._report import summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_VIEW = 0.6
+"""rad: where the mesh is seen from."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +39,49 @@ class DemoFrame:
     stripe: Stripe
 
 
+@dataclass(frozen=True)
+class DemoPictures:
+    """What the page shows and the folder holds, as PNG files: a figure takes a second to draw."""
+
+    stripes: tuple[bytes, ...]
+    """One of each frame."""
+    grids: tuple[bytes, ...]
+    mesh: bytes
+    quality: bytes
+    deviation: bytes
+
+    def files(self) -> dict[str, bytes]:
+        """Those that get a file of their own, by its name."""
+        return {
+            "stripe": self.stripes[0],
+            "grid": self.grids[0],
+            "mesh": self.mesh,
+            "quality": self.quality,
+            "deviation": self.deviation,
+        }
+
+
+def demo_pictures(
+    done: Reconstruction, found: Deviation, frames: Sequence[DemoFrame]
+) -> DemoPictures:
+    """All pictures of a demo but the camera's own and those of the repaired mesh."""
+    return DemoPictures(
+        stripes=tuple(html.png(_frame_figure(f)) for f in frames),
+        grids=tuple(html.png(_grid_figure(g)) for g in done.grids),
+        mesh=html.png(done.mesh.show(azimuth=_VIEW).pixels),
+        quality=html.png(quality_figure(done.mesh, done.holes, found.distance)),
+        deviation=html.png(deviation_figure(done.mesh, found)),
+    )
+
+
 def demo_report(
     devices: Simulated,
     done: Reconstruction,
     repaired: Mesh,
     closing: Sequence[Finding],
     found: Deviation,
-    quality: tuple[Figure, str],
+    quality: str,
+    pictures: DemoPictures,
     frames: Sequence[DemoFrame],
     times: Sequence[tuple[str, float]],
 ) -> str:
@@ -58,33 +97,35 @@ def demo_report(
         ),
         html.table(["quantity", "value"], _rows(devices, found)),
         html.heading("Camera picture"),
-        *(html.picture(frame_figure(f), _frame_caption(f)) for f in frames),
-        html.heading("Range grid"),
-        *(html.picture(grid_figure(g), _grid_caption(g)) for g in done.grids),
-        html.heading("Surface"),
         *(
-            html.picture(
-                done.mesh.show(azimuth=a).pixels, f"As measured, from {math.degrees(a):.0f}°."
-            )
-            for a in (0.6, 0.6 + math.pi)
+            html.picture(p, _frame_caption(f))
+            for p, f in zip(pictures.stripes, frames, strict=True)
         ),
+        html.heading("Range grid"),
+        *(
+            html.picture(p, _grid_caption(g))
+            for p, g in zip(pictures.grids, done.grids, strict=True)
+        ),
+        html.heading("Surface"),
+        html.picture(pictures.mesh, _seen_from(_VIEW)),
+        html.picture(done.mesh.show(azimuth=_VIEW + math.pi).pixels, _seen_from(_VIEW + math.pi)),
         html.picture(
-            repaired.show(azimuth=0.6, elevation=0.9).pixels,
+            repaired.show(azimuth=_VIEW, elevation=0.9).pixels,
             "Repaired. Surface that was never lit is interpolated here, for instance the inside "
             "of a vessel.",
         ),
         html.heading("Quality"),
         html.picture(
-            quality[0],
+            pictures.quality,
             "What the surface says of itself: the standard uncertainty of its points, and why "
             f"there are holes. Does it tell good from poor? The points in {PARTS} equal parts, "
             "from the least sigma to the largest: how far they are off in truth, which only a "
             "simulation knows, and what their sigma says.",
         ),
-        html.paragraph(quality[1]),
+        html.paragraph(quality),
         html.heading("Deviation from the true shape"),
         html.picture(
-            deviation_figure(done.mesh, found),
+            pictures.deviation,
             "Each measured vertex against the true surface; nothing was fitted or aligned.",
         ),
         html.heading("Findings"),
@@ -94,6 +135,10 @@ def demo_report(
     ]
     parts += [html.paragraph(line) for line in summary(done, bench.rig)]
     return html.page(f"turnscan demo: {part}", parts)
+
+
+def _seen_from(azimuth: float) -> str:
+    return f"As measured, from {math.degrees(azimuth):.0f}°."
 
 
 def _rows(devices: Simulated, found: Deviation) -> list[tuple[str, str]]:
@@ -112,7 +157,7 @@ def _rows(devices: Simulated, found: Deviation) -> list[tuple[str, str]]:
     ]
 
 
-def frame_figure(frame: DemoFrame) -> Figure:
+def _frame_figure(frame: DemoFrame) -> Figure:
     """A camera picture with the stripe found in it, whole and a piece of it enlarged."""
     from matplotlib.figure import Figure
 
@@ -142,7 +187,7 @@ def _frame_caption(frame: DemoFrame) -> str:
     )
 
 
-def grid_figure(grid: RangeGrid) -> Figure:
+def _grid_figure(grid: RangeGrid) -> Figure:
     """The distance from the axis, one column per table position."""
     from matplotlib.figure import Figure
 

@@ -80,9 +80,10 @@ def findings(found: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
-def picture(image: Image | Figure, caption: str) -> str:
-    """A picture with its caption: an array (H, W) or (H, W, 3) uint8, or a matplotlib figure."""
-    data = base64.b64encode(png(image)).decode()
+def picture(image: Image | Figure | bytes, caption: str) -> str:
+    """A picture with its caption: an array (H, W) or (H, W, 3) uint8, a figure, or a PNG file."""
+    packed = image if isinstance(image, bytes) else png(image)
+    data = base64.b64encode(packed).decode()
     text = html.escape(caption)
     return (
         f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
