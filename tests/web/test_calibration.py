@@ -38,13 +38,13 @@ def test_pictures_are_counted_or_say_why_not(server: Running, folder: Path) -> N
         assert "expected 3 to 200" in bad["text"]
         assert one.ask("calibrate_begin", board=BOARD, table=BOARD)["kind"] == "done"
         assert one.ask("capture", stage="laser")["text"] == "no devices are connected"
-        _connect(one, "sim:sphere?seed=3")
+        _connect(one, "sim:sphere?seed=3&speckle=no")
         assert _capture(one, stage="camera") == "0 of 1 pictures can be used"
         told = one.once("calibration", lambda m: len(m["views"]) == 1)
         assert told["views"][0]["failure"] == "none of its DICT_5X5_100 markers is readable"
         assert told["coverage"] == 0
         assert len(told["missing"]) == 3
-        _connect(one, "sim:sphere?seed=3&hand=charuco")
+        _connect(one, "sim:sphere?seed=3&speckle=no&hand=charuco")
         assert _capture(one, stage="camera") == "1 of 1 pictures can be used"
         text = _capture(one, stage="laser", count=3)
         told = one.once("calibration", lambda m: len(m["views"]) == 5)
@@ -72,7 +72,7 @@ def test_pictures_are_counted_or_say_why_not(server: Running, folder: Path) -> N
 def test_a_series_is_cancelled_between_two_pictures_lasers_dark(server: Running) -> None:
     with Browser(server) as one:
         one.ask("calibrate_begin", board=BOARD, table=BOARD)
-        _connect(one, "sim:cylinder?seed=3")
+        _connect(one, "sim:cylinder?seed=3&speckle=no")
         job = one.ask("capture", stage="laser", count=400, every=0.5)["job"]
         busy = one.ask("capture", stage="camera")["job"]
         waiting = one.once("job", lambda m: m["job"] == busy and m["state"] == "failed")

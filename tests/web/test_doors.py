@@ -278,7 +278,7 @@ def test_nothing_that_is_got_changes_anything(folder: Path) -> None:
     with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]
         one.open(scan)
-        device = "sim:sphere?seed=3"
+        device = "sim:sphere?seed=3&speckle=no"
         one.ask("connect", camera=device, turntable=device, lasers=device)
         before = _state(server, scan, folder)
         for method, path in HTTP:

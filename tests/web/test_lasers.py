@@ -24,7 +24,7 @@ from turnscan.simulate import World
 from turnscan.workflows import Opened
 from turnscan.workflows._scanning._watched import WatchedLasers, watched
 
-DEVICE = "sim:sphere?seed=3"
+DEVICE = "sim:sphere?seed=3&speckle=no"
 BOARD = "charuco:7x5:30:22:DICT_4X4_50"
 
 

@@ -773,7 +773,7 @@ def test_an_upload_is_listed_and_opens(server: Running, scan_bytes: bytes) -> No
 
 
 def test_a_scan_with_the_simulated_bench(server: Running, folder: Path) -> None:
-    device = "sim:sphere?seed=3"
+    device = "sim:sphere?seed=3&speckle=no"
     with Browser(server) as one:
         assert one.ask("scan", plan={"name": "x"})["text"] == "no devices are connected"
         found = one.ask("find_devices")
@@ -812,7 +812,7 @@ def test_a_scan_with_the_simulated_bench(server: Running, folder: Path) -> None:
 
 
 def test_a_scan_pauses_goes_on_and_is_aborted(server: Running) -> None:
-    device = "sim:sphere?seed=3"
+    device = "sim:sphere?seed=3&speckle=no"
     with Browser(server) as one:
         one.ask("connect", camera=device, turntable=device, lasers=device)
         assert one.ask("pause")["text"] == "no scan is running"
@@ -866,7 +866,7 @@ def test_an_interrupted_scan_is_listed_and_taken_to_its_end(server: Running, fol
 
 
 def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
-    device = "sim:sphere?seed=3"
+    device = "sim:sphere?seed=3&speckle=no"
     with Browser(server) as one:
         one.ask("connect", camera=device, turntable=device, lasers=device)
         assert one.ask("doctor", still=True)["kind"] == "started"

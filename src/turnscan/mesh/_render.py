@@ -62,9 +62,11 @@ def render(
 
 def _averaged(fine: Floats) -> Floats:
     """The mean of the fine pixels of each pixel."""
-    h, w, channels = fine.shape
     n = _OVERSAMPLE
-    mean: Floats = fine.reshape(h // n, n, w // n, n, channels).mean(axis=(1, 3))
+    mean = fine[::n, ::n].copy()
+    for k in range(1, n * n):  # NumPy's mean over two axes takes four times as long
+        mean += fine[k // n :: n, k % n :: n]
+    mean /= n * n
     return mean
 
 

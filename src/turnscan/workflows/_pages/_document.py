@@ -167,10 +167,7 @@ class _Sheets:
 
     def picture(self, picture: Picture) -> None:
         """A picture over its caption."""
-        import numpy as np
-        from PIL import Image as Pillow
-
-        pixels = np.asarray(Pillow.open(io.BytesIO(html.png(picture.image))).convert("RGB"))
+        pixels = html.pixels(picture.image)
         wide = _WIDTH - 2 * _MARGIN
         high = min(_PICTURE, wide * pixels.shape[0] / pixels.shape[1])
         wide = min(wide, high * pixels.shape[1] / pixels.shape[0])

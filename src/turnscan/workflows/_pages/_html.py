@@ -91,16 +91,28 @@ def picture(image: Image | Figure | bytes, caption: str) -> str:
     )
 
 
-def png(image: Image | Figure) -> bytes:
-    """The bytes of a PNG file of a picture or a figure."""
+def png(image: Image | Figure, packed: int = _PACKED) -> bytes:
+    """The bytes of a PNG file of a picture or a figure; ``packed`` is zlib's level."""
     out = io.BytesIO()
     if hasattr(image, "savefig"):
         image.savefig(
             out, format="png", dpi=110, bbox_inches="tight", metadata={"Software": None},
-            pil_kwargs={"compress_level": _PACKED},
+            pil_kwargs={"compress_level": packed},
         )  # fmt: skip
         return out.getvalue()
     from PIL import Image as Pillow
 
-    Pillow.fromarray(image).save(out, format="png", compress_level=_PACKED)
+    Pillow.fromarray(image).save(out, format="png", compress_level=packed)
     return out.getvalue()
+
+
+def pixels(image: Image | Figure) -> Image:
+    """What `png` shows, (H, W, 3)."""
+    import numpy as np
+    from PIL import Image as Pillow
+
+    if hasattr(image, "savefig"):
+        picture: Pillow.Image = Pillow.open(io.BytesIO(png(image, packed=0)))
+    else:
+        picture = Pillow.fromarray(image)
+    return np.asarray(picture.convert("RGB"))
