@@ -51,7 +51,7 @@ def _load_kernels() -> None:
 
 
 def _is_kernel_of(module: str, one: Any) -> bool:
-    return hasattr(getattr(one, "_cache", None), "load_overload") and one.__module__ == module
+    return hasattr(getattr(one, "_cache", None), "_cache_file") and one.__module__ == module
 
 
 def _serve(argv: list[str], said: str) -> None:
