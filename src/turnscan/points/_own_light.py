@@ -106,10 +106,11 @@ def by_own_light(
     so is a whole one only on a surface that the camera grazes; or there is less light in it. Where
     chords of long steps do not agree, an edge lies between them, and may lie under the sheet: then
     both must allow it, width and light, unless both are as on a surface that lies between the two
-    chords. On any surface that makes a stripe narrow as much light is left as it faces the camera;
-    what has less is cut, unless the chords agree and it is as wide as is due on them: then it is
-    dark. And where a stripe is no wider than one on a surface that faces the camera, nothing moves
-    its centre further than the light allows that is left of a whole one's.
+    chords. A quarter is left of that doubt where both are as on a surface that goes on as one of
+    the chords (`_on_one`). On any surface that makes a stripe narrow as much light is left as it
+    faces the camera; what has less is cut, unless the chords agree and it is as wide as is due on
+    them: then it is dark. And where a stripe is no wider than one on a surface that faces the
+    camera, nothing moves its centre further than the light allows that is left of a whole one's.
     """
     whole = own.width * own.bright
     best = _best(whole)
@@ -147,10 +148,10 @@ def by_own_light(
     usual = whole[at] / (np.nanmedian(whole) * ratio)
     alone_by = _nothing_beside(ratio, usual, alone.lone[at], alone.still[at])
     found = np.maximum(found, alone_by * due)
-    steady = _Steady(_about_each(own.width)[at], _about_each(whole / best)[at])
-    on_one = _on_one(own.walk[:, at[0], at[1]], (facing, lean), steady, due_of)
-    out = doubt.copy()
-    sure = alone.blind[at] & on_one & ~all_alike
+    out, sure = doubt.copy(), alone.blind[at] & ~all_alike
+    if sure.any():
+        steady = _Steady(_about_each(own.width)[at], _about_each(whole / best)[at])
+        sure &= _on_one(own.walk[:, at[0], at[1]], (facing, lean), steady, due_of)
     out[at] = np.where(sure, _BY_CHANCE, 1.0) * np.nan_to_num(found)
     return out
 
