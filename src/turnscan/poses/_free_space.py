@@ -58,22 +58,17 @@ def empty(v: View, step: float) -> Empty:
 
 
 def _grown(cubes: Bools) -> Bools:
-    """With the 26 neighbours of every cube: axis by axis, as a block of three is a row of three
-    along each."""
-    out = cubes.copy()
-    for axis in range(3):
-        along, before = np.moveaxis(out, axis, 0), np.moveaxis(out.copy(), axis, 0)
-        along[1:] |= before[:-1]
-        along[:-1] |= before[1:]
-    return out
+    """With the 26 neighbours of every cube."""
+    from scipy.ndimage import maximum_filter
+
+    # It goes axis by axis, which `binary_dilation` does not.
+    return np.asarray(maximum_filter(cubes.view(np.uint8), 3, mode="constant").view(np.bool_))
 
 
 def _shrunk(cubes: Bools, by: int) -> Bools:
     """Without what is within so many cubes of others, or of the rim."""
-    out = cubes.copy()
-    for axis in (0, 1, 2) * by:
-        along, before = np.moveaxis(out, axis, 0), np.moveaxis(out.copy(), axis, 0)
-        along[1:] &= before[:-1]
-        along[:-1] &= before[1:]
-        along[0] = along[-1] = False
-    return out
+    from scipy.ndimage import minimum_filter
+
+    return np.asarray(
+        minimum_filter(cubes.view(np.uint8), 2 * by + 1, mode="constant").view(np.bool_)
+    )
