@@ -242,3 +242,39 @@ def test_a_side_seen_at_just_the_angle_of_tears_has_no_row_of_holes():
     apart = mesh_grid(grazed_wall(80.0, leap=6.0))
     assert components(apart).max() == 1
     assert len(apart.faces) == 2 * (s - 2) * (n - 1)
+
+
+@pytest.mark.parametrize("steps", [24, 60, 120])
+def test_noise_draws_no_face_deeper_than_its_vertices_lie(steps):
+    """Of two diagonals between profiles the shorter one is the deeper one, by noise alone."""
+    radius, noise, lines = 25.0, 0.1, 400
+    angles = np.arange(steps) * 2 * np.pi / steps
+    grid = turned(angles, np.full(lines, radius), sigma=noise)
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    off = np.random.default_rng(steps).normal(0, noise, (steps, lines))
+    mesh = mesh_grid(replace(grid, points=grid.points + off[..., None] * out[:, None]))
+    ends = np.unique(np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0)
+    p = mesh.provenance
+    one, other = ends.T
+    diagonal = (p.step[one] != p.step[other]) & (p.line[one] != p.line[other])
+    x, y = mesh.vertices[ends[diagonal]].mean(axis=1)[:, :2].T
+    deep = np.hypot(x, y) - radius * np.cos(np.pi / steps)
+    assert len(deep) >= 0.95 * steps * (lines - 1)
+    # Each vertex is on two or so: their means differ from none by its noise alone.
+    assert abs(deep.mean()) < 4 * noise / np.sqrt(steps * lines)
+
+
+def test_a_quad_that_leans_is_cut_along_its_shorter_diagonal():
+    """Lines that climb from profile to profile, by a row each: the other diagonal spans two."""
+    steps, lines, rise = 60, 80, 0.5
+    angles = np.arange(steps) * 2 * np.pi / steps
+    for way in (1, -1):
+        grid = turned(angles, np.full(lines, 25.0))
+        points = grid.points.copy()
+        points[..., 2] += way * rise * np.arange(steps)[:, None]
+        mesh = mesh_grid(replace(grid, points=points, closed=False))
+        sides = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        p = mesh.provenance
+        one, other = sides[p.step[sides[:, 0]] != p.step[sides[:, 1]]].T
+        climbed = np.abs(mesh.vertices[one, 2] - mesh.vertices[other, 2])
+        assert climbed.max() < 1.01 * rise

@@ -72,7 +72,7 @@ def test_a_face_looks_away_from_the_inside():
 @pytest.mark.slow
 def test_two_lasers_become_one_surface_in_voxels(ball):
     mesh, findings = merge(ball, how="tsdf")
-    assert findings[-1].code == "surface.merge"
+    assert "surface.merge" in {f.code for f in findings}
     assert max(sides_of(mesh).values()) == 1
     off = off_ball(mesh)
     single = off_ball(range_surfaces(ball[0])[0].mesh)
@@ -340,7 +340,8 @@ def test_what_is_known_worse_than_usual_is_not_averaged_away():
 
 
 def test_a_ball_is_too_level_for_angle_and_height(ball):
-    assert "voxels" in merge(ball)[1][-1].message
+    (how,) = (f for f in merge(ball)[1] if f.code == "surface.merge")
+    assert "voxels" in how.message
 
 
 def test_a_disagreement_is_a_finding_with_place_and_size(tube):

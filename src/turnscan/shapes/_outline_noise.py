@@ -27,15 +27,24 @@ class Noise:
 
     vertex: csr_array
     """(m, v) mm: what a standard deviation of each vertex of the mesh does to each point. Points
-    that lie beside each other share a vertex, so they are not independent."""
+    that lie beside each other share a vertex, so they are not independent; what vertices share
+    (`Chain.together`) is counted to each."""
     point: Floats
-    """(m,) mm: standard deviation of each point, the root of the sum of squares of its row."""
+    """(m,) mm: standard deviation of each point by itself."""
     known: bool
     """Whether the mesh says its sigma; otherwise the scatter of the points does."""
-    shared: float
-    """So many times the variance of independent points has a sum over the chain."""
+    overlap: float
+    """So many times the variance of independent points has a sum over the chain, since they share
+    vertices."""
+    together: float
+    """So many times more it has since vertices share measurements (`Chain.together`)."""
     share: float = 1.0
     """Of ``point``, what is seen: sigma may be careful. Uncertainties do not hang on it."""
+
+    @property
+    def shared(self) -> float:
+        """What points share by their vertices, as far as pieces are compared by it."""
+        return min(max(self.overlap, 1.0), 4.0)
 
     def scale(self, tolerance: float) -> Floats:
         """(m,) mm: standard deviations that count as one when pieces are compared."""
@@ -73,8 +82,9 @@ def chain_noise(chain: Chain, use: Bools) -> Noise:
     rows = csr_array(rows * (max(scatter, 1.0) if known else max(scatter, 1e-12)))
     point = _lengths(rows)
     whole: Floats = np.asarray(rows[np.flatnonzero(use)].sum(axis=0))
-    shared = float((whole**2).sum() / (point[use] ** 2).sum())
-    return Noise(csr_array(rows), point, known, min(max(shared, 1.0), 4.0))
+    overlap = float((whole**2).sum() / (point[use] ** 2).sum())
+    rows = csr_array(rows * np.sqrt(chain.together))
+    return Noise(rows, point, known, overlap, chain.together)
 
 
 def default_tolerance(size: float, noise: Noise) -> float:

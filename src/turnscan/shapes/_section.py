@@ -137,6 +137,9 @@ class Chain:
     """(m, 2) what each of them has to say in the point; their sum is 1."""
     stripes: Stripes | None = None
     """Of all vertices of the mesh, where it knows them."""
+    together: float = 1.0
+    """So many times the variance have means over points that independent vertices would give them
+    (`held_together`)."""
 
     def __post_init__(self) -> None:
         m = len(self.points)
@@ -179,7 +182,7 @@ class Chain:
         """The points ``index`` in this order as a chain of their own, its ways all measured."""
         ways = np.zeros(len(index) - (not closed), dtype=np.bool_)
         rows = (self.sigma[index], self.spans[index], self.ends[index], self.shares[index])
-        return Chain(self.points[index], closed, ways, *rows, self.stripes)
+        return Chain(self.points[index], closed, ways, *rows, self.stripes, self.together)
 
     def runs(self, filled: bool) -> list[npt.NDArray[np.intp]]:
         """Indices of points along each stretch of ways that are (not) ``filled``.
@@ -223,7 +226,7 @@ def cross_section(mesh: Mesh, cut: Cut) -> list[Chain]:
 
 def crossed(mesh: Mesh, cut: Cut) -> list[Chain]:
     """As `cross_section`, and none where the cut misses the mesh."""
-    segments = _segments(mesh, cut)
+    segments = segments_of(mesh, cut)
     chains = [c for walk in _walks(segments.nodes) if (c := _chain(walk, segments)) is not None]
     stripes = stripes_of(mesh) if chains else None
     chains = [replace(c, stripes=stripes) for c in chains]
@@ -246,7 +249,7 @@ def _where(mesh: Mesh, cut: Cut) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Segments:
+class Segments:
     """What the faces have of the section, each from one node to another."""
 
     nodes: npt.NDArray[np.int64]
@@ -261,7 +264,7 @@ class _Segments:
     shares: Floats
 
 
-def _segments(mesh: Mesh, cut: Cut) -> _Segments:
+def segments_of(mesh: Mesh, cut: Cut) -> Segments:
     n = cut.normal
     height = mesh.vertices @ n - cut.distance
     height[np.abs(height) <= _ON_PLANE * float(np.ptp(mesh.vertices, axis=0).max())] = 0.0
@@ -272,7 +275,7 @@ def _segments(mesh: Mesh, cut: Cut) -> _Segments:
             break
     corners, up = mesh.faces[faces].astype(np.int64), above[mesh.faces[faces]]
     if not len(faces):
-        return _Segments(
+        return Segments(
             np.zeros((0, 2), np.int64), np.zeros(0, np.bool_), np.zeros((0, 2)), np.zeros(0),
             np.zeros((0, 2)), np.zeros((0, 2), np.int32), np.zeros((0, 2)),
         )  # fmt: skip
@@ -303,13 +306,13 @@ def _segments(mesh: Mesh, cut: Cut) -> _Segments:
         each = np.where(shares > 0, shares * mesh.provenance.sigma[ends], 0.0)
         sigma = np.hypot(*each.T) / np.maximum(tilt, _STEEP)
     filled = np.zeros(len(faces), np.bool_) if mesh.measured is None else ~mesh.measured[faces]
-    made = _Segments(
+    made = Segments(
         nodes, filled, at @ basis, sigma, (end - start) @ basis, ends.astype(np.int32), shares
     )  # fmt: skip
     return _clipped(made) if cut.half else made
 
 
-def _clipped(s: _Segments) -> _Segments:
+def _clipped(s: Segments) -> Segments:
     """Only what lies at x ≥ 0, with new nodes where a segment crosses the axis."""
     x = s.points[:, 0]
     inside = x[s.nodes] >= 0
@@ -363,7 +366,7 @@ def _next(met: list[int], taken: Bools, pairs: list[list[int]], node: int) -> in
     return next((k for k in free if pairs[k][0] == node), free[0] if free else -1)
 
 
-def _chain(walk: list[tuple[int, bool]], s: _Segments) -> Chain | None:
+def _chain(walk: list[tuple[int, bool]], s: Segments) -> Chain | None:
     if sum(forwards for _, forwards in walk) * 2 < len(walk):
         walk = [(k, not forwards) for k, forwards in reversed(walk)]
     row = [int(s.nodes[k][0 if forwards else 1]) for k, forwards in walk]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from turnscan.arrays import Floats
 from turnscan.mesh import Mesh
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_fit import fit_outlines
+from turnscan.shapes._outline_together import held_together
 from turnscan.shapes._section import Chain, Cut, CutMisses, cross_section
 from turnscan.shapes.views._silhouette import outermost, silhouette
 from turnscan.shapes.views._unrolled import Relief, unrolled
@@ -86,6 +87,8 @@ def fit_section(mesh: Mesh, cut: Cut, tolerance: float | None = None) -> FittedS
         return FittedSection(cut, tuple(chains), ((),) * len(chains), relief)
     if cut.view == "section":
         chains = cross_section(mesh, cut)
+        together = held_together(mesh, cut, chains)
+        chains = [replace(c, together=together) for c in chains]
         rows = fit_outlines(chains, tolerance)
         return FittedSection(cut, tuple(chains), tuple(map(tuple, rows)))
     chains = silhouette(mesh, cut)

@@ -11,6 +11,10 @@ from turnscan.compiled import njit
 
 _DEEP = 0.75
 """cos² 30°: a profile nearer to the ray than that lies on a surface that is seen from the edge."""
+_LEANING = 0.5
+"""Of the shorter side of a quad, that its other sides lean along it from which on it leans …"""
+_ABOUT = 4
+"""… in the mean of so many quads on either side along the profile."""
 
 
 class Measured(NamedTuple):
@@ -224,8 +228,10 @@ def triangulate(
     corners = np.array(((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3)))
     cuts = Cuts(corners, np.array(((0, 1), (2, 3), (0, 3), (1, 2))))
     quad = Quad(q, spread, ratio, ks)
+    leaning = np.zeros(max(n - 1, 0), dtype=np.bool_)
     for k in range(span[0], last):
         k1 = (k + 1) % s
+        _leaning(points, k, k1, leaning)
         for j in range(n - 1):
             ks[0], ks[1], ks[2], ks[3] = k, k, k1, k1
             js[0], js[1], js[2], js[3] = j, j + 1, j + 1, j
@@ -249,8 +255,9 @@ def triangulate(
             excused = steady[k, j] and steady[k, j + 1] and _across(q, eyes[k])
             least = 0.0 if excused else limits.cos_grazing
             pick, whole = _cut_along(
-                quad, eyes, (first, second), across, cuts, limits.stretch, limits.jump, least
-            )
+                quad, eyes, (first, second), leaning[j], across, cuts,
+                limits.stretch, limits.jump, least,
+            )  # fmt: skip
             for t in range(pick, pick + 2):
                 if whole >> t & 1:
                     a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
@@ -273,10 +280,41 @@ def _across(q: Floats, eye: Floats) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def _leaning(points: Floats, k: int, next_step: int, out: Bools) -> None:
+    """Write (n − 1,) True for quads to the next step whose second diagonal is the shorter one for
+    more than noise, as lines climb there from step to step.
+
+    Noise makes the deeper diagonal the shorter one, since the directions of two profiles' noise
+    differ: with it as a rule all faces would lie too deep. So quads about each one decide, but for
+    one that leans by a whole side, as at an edge.
+    """
+    n = len(out)
+    more, size = np.zeros(n + 1), np.zeros(n + 1)
+    for j in range(n):
+        along, across, product = 0.0, 0.0, 0.0
+        for i in range(3):
+            a, b = points[k, j, i], points[k, j + 1, i]
+            c, d = points[next_step, j + 1, i], points[next_step, j, i]
+            one, other = (c - b + d - a) / 2.0, (b - a + c - d) / 2.0
+            along, across, product = along + other**2, across + one**2, product + one * other
+        known = product == product
+        more[j + 1] = more[j] + (product if known else 0.0)
+        size[j + 1] = size[j] + (min(along, across) if known else 0.0)
+    for j in range(n):
+        low, high = max(j - _ABOUT, 0), min(j + _ABOUT + 1, n)
+        own = more[j + 1] - more[j]
+        if abs(own) > size[j + 1] - size[j]:
+            out[j] = own > 0.0
+        else:
+            out[j] = more[high] - more[low] > _LEANING * (size[high] - size[low])
+
+
+@njit(cache=True, nogil=True)
 def _cut_along(
     quad: Quad,
     eyes: Floats,
     diagonals: tuple[float, float],
+    leaning: bool,
     across: float,
     cuts: Cuts,
     stretch: float,
@@ -285,15 +323,15 @@ def _cut_along(
 ) -> tuple[int, int]:
     """The first of the two triangles that a quad is cut into, and which of them are sound, as bits.
 
-    It is cut along the shorter of its ``diagonals`` (mm, usually ``across``); along the other one
-    where that makes more faces.
+    Of its ``diagonals`` (mm, usually ``across``) it is cut along the first, or the second where it
+    is ``leaning``; along the other one where that makes more faces.
     """
     q, spread, ratio, ks = quad
     first, second = diagonals
     corners, sides = cuts
     pick, most, whole = 0, -1, 0
     for turn in range(2):
-        way = 2 * ((second < first) != (turn == 1))
+        way = 2 * (leaning != (turn == 1))
         sound, count = 0, 0
         for t in range(way, way + 2):
             diagonal = (first if t < 2 else second) / across
