@@ -194,7 +194,7 @@ def _spline(s: Settled, k: int, meets: list[Meet]) -> Spline:
     made = fit_spline(p, scale, controls, ends, (held[0], held[1]))
     point = s.noise.point[b.rows]
     sigma = float(np.median(point)) * np.sqrt(
-        s.noise.shared * s.noise.together * controls / max(len(b.rows), controls)
+        s.noise.shared * controls / max(len(b.rows), controls)
     )
     joint: Joint = meets[k].joint
     if joint == "tangent" and held[0] is None:

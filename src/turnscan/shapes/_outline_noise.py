@@ -43,8 +43,8 @@ class Noise:
 
     @property
     def shared(self) -> float:
-        """What points share by their vertices, as far as pieces are compared by it."""
-        return min(max(self.overlap, 1.0), 4.0)
+        """So many times the variance of independent points has a sum over the chain."""
+        return min(max(self.overlap, 1.0), 4.0) * self.together
 
     def scale(self, tolerance: float) -> Floats:
         """(m,) mm: standard deviations that count as one when pieces are compared."""
