@@ -75,7 +75,7 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
     each outline, three standard deviations of its points, at least 1e-4 of the size of all. What
     is no longer than its own noise, or closes round no area or a circle of unknown radius, has no
     outline. Uncertainties are those from the noise of the points, independent from vertex to
-    vertex of the mesh.
+    vertex of the mesh but for what these share (`Chain.together`).
 
     Raises InputError for a tolerance that is not positive.
     """
