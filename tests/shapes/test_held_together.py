@@ -12,11 +12,18 @@ from hypothesis import strategies as st
 from tests.shapes.outlines import along, regular, wall
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh, Provenance
-from turnscan.shapes import Line, cross_section, fit_section, half_plane_cut, plane_cut
+from turnscan.shapes import (
+    Line,
+    cross_section,
+    fit_section,
+    half_plane_cut,
+    plane_cut,
+    section_diameter,
+)
 from turnscan.shapes._outline_together import held_together
 
 SIGMA = 0.05
-ROWS = 0.35 * np.arange(90)
+ROWS: Floats = np.asarray(0.35 * np.arange(90), dtype=np.float64)
 CUT = plane_cut([0, 0, 1], 15.1)
 HEXAGON = along(regular(6, 40 / np.sqrt(3), 0.0), 0.6)
 KERNELS = {
@@ -67,6 +74,19 @@ def test_lines_through_shared_noise_are_known_as_well_as_they_say() -> None:
     assert len(ratios) > 100
     # Independent: 2.2 and more, for each holds 5.8 times the variance.
     assert 0.8 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.3
+
+
+def test_diameters_of_sections_are_known_as_well_as_they_say() -> None:
+    turn = np.arange(216) * 2 * np.pi / 216
+    circle = 20.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    ratios = []
+    for seed in range(16):
+        mesh = _merged(circle, KERNELS["between profiles of four"], seed)
+        for height in (6.0, 15.1, 24.0):
+            d = section_diameter(mesh, (0, 0, 1), height)
+            ratios.append((d.value - 40.0) / d.sigma)
+    # Independent: 2.4. Of 48 values the rms is within a tenth of what they have, 68 in a hundred.
+    assert 0.75 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.3
 
 
 @settings(max_examples=15)

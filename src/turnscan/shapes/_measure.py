@@ -20,6 +20,8 @@ from turnscan.shapes._added import filled_area_sigma
 from turnscan.shapes._area import smooth_area, smooth_normals
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Plane
+from turnscan.shapes._outline_together import held_together
+from turnscan.shapes._section import crossed, plane_cut
 from turnscan.shapes._shared import Source
 from turnscan.shapes._volume import volume_sigma
 
@@ -207,7 +209,11 @@ def section_diameter(
     seen = loop.measured
     points, bulge = loop.points[seen], loop.bulge[seen]
     sigma = sigma_of(mesh, loop.near[seen])
-    wide = None if sigma is None else sigma * np.sqrt(_SHARED)
+    wide = None
+    if sigma is not None:
+        cut = plane_cut(normal, distance)
+        together = held_together(mesh, cut, crossed(mesh, cut))
+        wide = sigma * np.sqrt(_SHARED * together)
     c = fit_circle(points, normal, wide)
     for _ in range(2):
         # The points lie on chords of the circle that the vertices are on: move them out to it.

@@ -43,9 +43,11 @@ def held_together(mesh: Mesh, cut: Cut, chains: Sequence[Chain]) -> float:
     vertices accounts for. A line through few profiles takes such noise for its own place, so that
     its own residuals do not show it.
     """
+    if not chains or chains[0].stripes is None:
+        return 1.0
     chain = chains[0]
     use = chain.measured
-    if chain.stripes is None or int(use.sum()) < _FEWEST:
+    if int(use.sum()) < _FEWEST:
         return 1.0
     noise = chain_noise(chain, use)
     if not noise.known:
