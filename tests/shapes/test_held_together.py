@@ -104,6 +104,16 @@ def test_where_nothing_tells_it_is_one(seed: int, rows: int) -> None:
     assert held_together(lost, CUT, cross_section(lost, CUT)) == 1.0
 
 
+@pytest.mark.parametrize("row", [0, 30, -1])
+def test_a_cut_along_a_row_of_vertices_is_a_cut_like_others(row: int) -> None:
+    """Each vertex of the row is a point of the section; a rim has sections on one side."""
+    cut = plane_cut([0, 0, 1], float(ROWS[row]))
+    for kernel, most in (("each by itself", 1.5), ("between profiles of four", 9.0)):
+        mesh = _merged(HEXAGON, KERNELS[kernel], 5)
+        found = held_together(mesh, cut, cross_section(mesh, cut))
+        assert most / 3 <= found <= most
+
+
 def test_the_form_of_a_part_is_no_noise() -> None:
     """From half-plane to half-plane a hexagon's edges stand off far more than sigma."""
     mesh = _merged(regular(6, 40 / np.sqrt(3), 0.0), KERNELS["each by itself"], 3)

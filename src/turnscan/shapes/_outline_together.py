@@ -52,16 +52,25 @@ def held_together(mesh: Mesh, cut: Cut, chains: Sequence[Chain]) -> float:
     noise = chain_noise(chain, use)
     if not noise.known:
         return 1.0
-    off = _differences(mesh, cut, chain)
+    height = mesh.vertices @ cut.normal - cut.distance
+    low, high = height[mesh.faces].min(axis=1), height[mesh.faces].max(axis=1)
+    met = (low <= 0) & (high >= 0) & (low < high)
+    if not met.any():  # faces that lie in the cut alone
+        return 1.0
+    off = _differences(mesh, cut, chain, (low, high), _ROWS * float(np.median((high - low)[met])))
     off[:, ~use] = np.nan
     return _ratio(off / noise.point, noise, use)
 
 
-def _differences(mesh: Mesh, cut: Cut, chain: Chain) -> Floats:
-    """(cuts, m) mm that points of a chain are off, less what the surface does about them."""
-    height = mesh.vertices @ cut.normal - cut.distance
-    low, high = height[mesh.faces].min(axis=1), height[mesh.faces].max(axis=1)
-    step = _ROWS * float(np.median((high - low)[(low < 0) & (high >= 0)]))
+def _differences(
+    mesh: Mesh, cut: Cut, chain: Chain, heights: tuple[Floats, Floats], step: float
+) -> Floats:
+    """(cuts, m) mm that points of a chain are off, less what the surface does about them.
+
+    ``heights`` (f,) mm over the cut of the lowest and the highest vertex of each face; ``step`` mm
+    from one cut to the next.
+    """
+    low, high = heights
     reach = _CUTS + len(_DIFFERENCE) // 2
     near = (low < (reach + 1) * step) & (high > -(reach + 1) * step)
     measured = None if mesh.measured is None else mesh.measured[near]
