@@ -15,11 +15,11 @@ from turnscan.shapes import (
     Line,
     Outline,
     Spline,
-    cross_section,
     fit_outlines,
     fit_section,
     plane_cut,
 )
+from turnscan.shapes._section import cross_section
 
 
 def _kinds(outline: Outline) -> str:

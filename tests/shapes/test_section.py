@@ -10,7 +10,8 @@ import pytest
 from tests.shapes.outlines import along, regular, wall
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, join
-from turnscan.shapes import cross_section, fit_section, half_plane_cut, plane_cut
+from turnscan.shapes import fit_section, half_plane_cut, plane_cut
+from turnscan.shapes._section import cross_section
 
 BOX = Mesh(
     np.array([[x, y, z] for z in (0.0, 10) for y in (-3.0, 3) for x in (-5.0, 5)]),

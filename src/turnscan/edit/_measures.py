@@ -288,8 +288,10 @@ def _taker(mesh: Mesh, measure: Measure, faces: _Faces, doubts: list[str] | None
             round_ = faces(measure.where)
             return lambda move: shapes.region_diameter(moved(move), round_)
         case MeasureSection():
-            plane = measure.normal, measure.distance, measure.near
-            return lambda move: shapes.section_diameter(moved(move), *plane)
+            plane = measure.normal, measure.distance
+            # A calibration's move leaves the noise as it is.
+            together = shapes.section_base(mesh, *plane)
+            return lambda move: shapes.section_diameter(moved(move), *plane, measure.near, together)
         case MeasureAngle():
             sides = faces(measure.first), faces(measure.second)
             return lambda move: shapes.planes_angle(

@@ -189,13 +189,27 @@ def region_diameter(mesh: Mesh, faces: Bools) -> Measured:
     return Measured(2 * radius, "mm", 2 * float(np.sqrt(variance)), centre[None], text)
 
 
+def section_base(mesh: Mesh, normal: npt.ArrayLike, distance: float) -> float:
+    """How far noise hangs together along a section (`held_together`), the same while its vertices
+    move little; 1 where nothing is known of it."""
+    if mesh.provenance is None or not len(mesh.faces):
+        return 1.0
+    cut = plane_cut(normal, distance)
+    return held_together(mesh, cut, crossed(mesh, cut))
+
+
 def section_diameter(
-    mesh: Mesh, normal: npt.ArrayLike, distance: float, near: npt.ArrayLike | None = None
+    mesh: Mesh,
+    normal: npt.ArrayLike,
+    distance: float,
+    near: npt.ArrayLike | None = None,
+    base: float | None = None,
 ) -> Measured:
     """The diameter of a circle through the section of a mesh with the plane n·x = ``distance``.
 
     Of several loops the one that comes nearest to ``near`` (3,) counts, or the longest; points
-    that nobody measured are left out. Raises InputError where the plane does not meet the mesh.
+    that nobody measured are left out. ``base`` (`section_base`) where it is known. Raises
+    InputError where the plane does not meet the mesh.
     """
     loops = sections(mesh, normal, distance)
     if not loops:
@@ -211,8 +225,7 @@ def section_diameter(
     sigma = sigma_of(mesh, loop.near[seen])
     wide = None
     if sigma is not None:
-        cut = plane_cut(normal, distance)
-        together = held_together(mesh, cut, crossed(mesh, cut))
+        together = section_base(mesh, normal, distance) if base is None else base
         wide = sigma * np.sqrt(_SHARED * together)
     c = fit_circle(points, normal, wide)
     for _ in range(2):

@@ -75,26 +75,15 @@ def _differences(
     near = (low < (reach + 1) * step) & (high > -(reach + 1) * step)
     measured = None if mesh.measured is None else mesh.measured[near]
     slab = replace(mesh, faces=mesh.faces[near], measured=measured)
-    across = _normals(chain)
     away = np.stack(
         [
-            _away(chain.points, across, slab, replace(cut, distance=cut.distance + k * step))
+            _away(chain.points, chain.normals, slab, replace(cut, distance=cut.distance + k * step))
             for k in range(-reach, reach + 1)
         ]
     )
     many = 2 * _CUTS + 1
     off = sum(weight * away[k : k + many] for k, weight in enumerate(_DIFFERENCE))
     return np.asarray(off / np.linalg.norm(_DIFFERENCE))
-
-
-def _normals(chain: Chain) -> Floats:
-    """(m, 2) unit, across the chain."""
-    p = chain.points
-    along = np.gradient(p, axis=0)
-    if chain.closed:
-        along = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
-    return np.column_stack([along[:, 1], -along[:, 0]])
 
 
 def _away(points: Floats, across: Floats, mesh: Mesh, cut: Cut) -> Floats:

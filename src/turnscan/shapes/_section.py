@@ -159,6 +159,18 @@ class Chain:
         across: Floats = self.shares.prod(axis=1) * (self.spans**2).sum(axis=1)
         return across
 
+    @cached_property
+    def normals(self) -> Floats:
+        """(m, 2) unit, over a few points: to the right of the chain, material is on its left."""
+        p = self.points
+        ahead = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
+        if not self.closed:
+            ahead[0], ahead[-1] = p[1] - p[0], p[-1] - p[-2]
+        smooth = ahead.copy()
+        smooth[1:-1] += ahead[:-2] + ahead[2:]
+        smooth /= np.maximum(np.linalg.norm(smooth, axis=1), 1e-12)[:, None]
+        return np.column_stack([smooth[:, 1], -smooth[:, 0]])
+
     @property
     def measured(self) -> Bools:
         """(m,) False for points neither side of which was measured."""

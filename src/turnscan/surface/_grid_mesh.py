@@ -53,11 +53,11 @@ class TearLimits:
 def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
     """Paste neighbouring profiles of one grid into a mesh (paper §3; docs/explain/surface.md).
 
-    Each quad of the grid is cut along its shorter diagonal; where a corner is missing or torn off
-    the other three still make a face. The seam closes where ``grid.closed`` and there are at
-    least three steps. All faces look outward: towards the camera that saw them, or away from the
-    axis where the camera's place is not known. Every side has one or two faces. Sigma is that along
-    the surface's normal (`normal_sigma`).
+    Each quad of the grid is cut along its first diagonal, or the second where its lines climb from
+    step to step; where a corner is missing or torn off the other three still make a face. The seam
+    closes where ``grid.closed`` and there are at least three steps. All faces look outward: towards
+    the camera that saw them, or away from the axis where the camera's place is not known. Every
+    side has one or two faces. Sigma is that along the surface's normal (`normal_sigma`).
     """
     lines = slice(0, grid.flags.shape[1])
     if grid.origin is None:

@@ -89,7 +89,7 @@ def _averaged(turned: Turned, chain: Chain, on: np.ndarray, tree: cKDTree) -> Ch
     None where there is no mean of most of it, as of a handle.
     """
     p = chain.points
-    out = _normals(chain)
+    out = chain.normals
     pitch = _pitches(turned, chain)
     near = tree.query_ball_point(p, _WINDOW * pitch + 6 * turned.sigma)
     points, sigma = p.copy(), np.full(len(p), np.nan)
@@ -149,18 +149,6 @@ def _corner(four: Floats, spacing: float) -> Floats | None:
     if not (0 < ahead < _AHEAD * spacing and 0 < -back < _AHEAD * spacing):
         return None
     return np.asarray(b + ahead * u)
-
-
-def _normals(chain: Chain) -> Floats:
-    """(m, 2) unit: outward, material being on the left of the chain."""
-    p = chain.points
-    ahead = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
-    if not chain.closed:
-        ahead[0], ahead[-1] = p[1] - p[0], p[-1] - p[-2]
-    smooth = ahead.copy()
-    smooth[1:-1] += ahead[:-2] + ahead[2:]
-    smooth /= np.maximum(np.linalg.norm(smooth, axis=1), 1e-12)[:, None]
-    return np.column_stack([smooth[:, 1], -smooth[:, 0]])
 
 
 def _mean_at(
