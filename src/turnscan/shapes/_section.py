@@ -161,7 +161,7 @@ class Chain:
 
     @cached_property
     def normals(self) -> Floats:
-        """(m, 2) unit, over a few points: to the right of the chain, material is on its left."""
+        """(m, 2) unit vectors over a few points, to the right of the chain: away from material."""
         p = self.points
         ahead = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
         if not self.closed:
