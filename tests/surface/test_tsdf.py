@@ -88,32 +88,47 @@ def test_surfaces_one_far_behind_the_other_are_not_joined() -> None:
     assert len(boundary_loops(fuse([low, high], VOXEL, RAMP, seam=3))) == 2
 
 
-def arc(step: float, radius: float = 10.0) -> RangeSurface:
-    """A third of a cylinder about the y axis in steps of an angle, looked at from all round."""
-    phi, y = np.arange(-1.0, 1.0 + step / 2, step), np.arange(0, 10.1, VOXEL)
-    one = sheet(0.0, (len(phi) - 1) * VOXEL, (0.0, 0.0, 1.0), "one")
-    out = np.repeat(np.stack([np.sin(phi), 0 * phi, np.cos(phi)], -1), len(y), axis=0)
-    points = radius * out + np.tile(y, len(phi))[:, None] * (0.0, 1.0, 0.0)
-    mesh = Mesh(points, one.mesh.faces, one.mesh.provenance)
-    return RangeSurface(mesh, points + 500.0 * out, out)
+def extruded(profile: np.ndarray, out: np.ndarray) -> RangeSurface:
+    """What is x, z = ``profile`` (m, 2) from 0 to 10 mm in y, of m profiles; seen from ``out``."""
+    y = np.arange(0, 10.1, VOXEL)
+    faces = sheet_faces(len(profile), len(y))
+    points = np.insert(np.repeat(profile, len(y), axis=0), 1, np.tile(y, len(profile)), axis=1)
+    ways = np.repeat(np.insert(out, 1, 0.0, axis=1), len(y), axis=0)
+    step = np.repeat(np.arange(len(profile), dtype=np.int32), len(y))
+    line = np.tile(np.arange(len(y), dtype=np.int32), len(profile))
+    p = Provenance(np.full(len(points), 0.02), np.zeros_like(step), step, line, ("one",))
+    return RangeSurface(Mesh(points, faces, p), points + 500.0 * ways, ways)
 
 
 def test_a_round_part_in_coarse_steps_is_not_cut_short_by_its_chords() -> None:
     step = 0.25
     lost = 10.0 * (1 - np.cos(step / 2)) * 2 / 3
-    x = fuse([arc(step)], VOXEL, RAMP).vertices
+    phi = np.arange(-1.0, 1.0 + step / 2, step)
+    out = np.stack([np.sin(phi), np.cos(phi)], axis=-1)
+    x = fuse([extruded(10.0 * out, out)], VOXEL, RAMP).vertices
     off = np.hypot(x[:, 0], x[:, 2]) - 10.0
     assert abs(off.mean()) < 0.15 * lost
     assert np.abs(off).max() < lost
 
 
-def test_nothing_bulges_over_an_edge() -> None:
-    flat = sheet(0.0, 12.0, (0.0, 0.0, 1.0), "one")
-    turned = flat.normals.copy()
-    far = flat.mesh.vertices[:, 0] > 6.0
-    turned[far] = (np.sin(1.0), 0.0, np.cos(1.0))
-    done = fuse([RangeSurface(flat.mesh, flat.eyes, turned)], VOXEL, RAMP)
-    assert np.abs(done.vertices[:, 2] - 0.1).max() < 1e-3
+@pytest.mark.parametrize("turn", [10.0, 30.0, 50.0])
+@pytest.mark.parametrize("at", [0.0, 0.3, 0.5])
+def test_nothing_bulges_beside_an_edge(turn: float, at: float) -> None:
+    """A roof whose ridge lies anywhere in a step of 1 mm, its normals smooth over it."""
+    slope = np.tan(np.deg2rad(turn / 2))
+    x = np.arange(-8.0, 8.5) + at
+    steep = np.clip(-x / 4.0, -1.0, 1.0) * np.deg2rad(turn / 2)
+    roof = extruded(
+        np.stack([x, -slope * np.abs(x)], axis=-1),
+        np.stack([-np.sin(steep), np.cos(steep)], axis=-1),
+    )
+    assert np.abs(roof.bend).max() < 1e-9
+    done = fuse([roof], VOXEL, RAMP).vertices
+    off = (done[:, 2] + slope * np.abs(done[:, 0])) * np.cos(np.deg2rad(turn / 2))
+    aside = np.abs(done[:, 0])
+    inner = aside < 6.5
+    assert np.abs(off[inner & (aside > 3.0)]).max() < 2e-3
+    assert off[inner].max() < 2e-3, "nowhere over the roof"
 
 
 @pytest.mark.parametrize(("apart", "averaged"), [(0.05, True), (0.2, False)])
@@ -202,7 +217,7 @@ def test_a_surface_that_passes_by_the_corners_of_voxels_has_no_needles(height: f
 def test_of_a_place_between_points_noise_alone_averages_out(sigma, share, noise) -> None:
     X = np.eye(3)
     steps, most = np.arange(3, dtype=np.int32), np.full(3, noise)
-    known = kernels.Vertices(X, np.array(sigma), np.zeros(3), steps, most)
+    known = kernels.Vertices(X, np.array(sigma), np.zeros(3), steps, most, np.zeros(3))
     face = np.arange(3, dtype=np.int32)
     random, own, single, gap = kernels.variances(face, *share, known, np.full(3, 0.5))
     w = np.array([1.0 - sum(share), *share])

@@ -107,9 +107,8 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         known = s.sigma[s.sigma > 0]
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
-            Vertices(X, s.sigma, between[i][1], s.ranks, s.noise(most)),
+            Vertices(X, s.sigma, between[i][1], s.ranks, s.noise(most), s.bend),
             between[i][0],
-            s.normals,
             _turns(X),
             np.maximum(s.cosine, 0.05),
             s.mesh.faces,

@@ -141,7 +141,6 @@ def _put(
 def raster(
     vertices: Vertices,
     bends: Floats,
-    normals: Floats,
     around: Floats,
     cosine: Floats,
     faces: Ints,
@@ -152,7 +151,7 @@ def raster(
 ) -> tuple[int, int]:
     """Fill the ``cells`` with the radius of a mesh at every angle and height.
 
-    Between its vertices a face bulges as the ``normals`` (v, 3) there say (`rise`); ``lines`` are
+    Between its vertices a face bulges as these bend (`rise`); ``lines`` are
     how high the lowest cells lie and how far others over each other, mm; ``bends`` (v,) mm what of
     ``vertices.between`` no edge makes.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
@@ -162,6 +161,7 @@ def raster(
     Returns how many cells were met, and how often at a radius that is not alike.
     """
     points, (bottom, apart), (alike, room) = vertices.points, lines, limits
+    flex, steps = vertices.bend, vertices.step
     s, n = cells.radius.shape
     met, clashes = 0, 0
     along, across, heights, normal = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -175,8 +175,8 @@ def raster(
         left, right = min(xa, xb, xc), max(xa, xb, xc)
         if right - left > 0.25 or not _facing(points, a, b, c, normal):
             continue
-        ab, bc = rise(points, normals, a, b), rise(points, normals, b, c)
-        bulges = ab, bc, rise(points, normals, c, a)
+        ab, bc = rise(points, flex, steps, a, b), rise(points, flex, steps, b, c)
+        bulges = ab, bc, rise(points, flex, steps, c, a)
         low = max(0, int(np.ceil(min(za, zb, zc) - 1e-9)))
         high = min(n - 1, int(np.floor(max(za, zb, zc) + 1e-9)))
         heights[0], heights[1], heights[2] = za, zb, zc

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.errors import InputError
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.mesh._normals import roughness, smoothed_normals
+from turnscan.mesh._normals import roughness, smoothed_normals, vertex_normals
 from turnscan.points import RangeGrid
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
@@ -25,7 +25,11 @@ _ALONE = 6.3
 _EVEN = 6.0
 """Sigma by which a bend differs from those beside it at most, where the surface bends evenly."""
 _BULGE = 0.3
-"""Part of a chord's sagitta that is doubted where normals tell it on an evenly bent surface."""
+"""Part of a chord's sagitta that is doubted where it is made up for on an evenly bent surface."""
+_ALONG = 4
+"""Times that what is known of a bend is averaged over neighbours on the profile."""
+_MEAN = 0.41
+"""Of independent noise, what these leave."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,30 @@ class RangeSurface:
         before, after = kernels.next_profile(self.mesh.faces, self.ranks, p.line)
         return before, after
 
+    @cached_property
+    def bend(self) -> Floats:
+        """(v,) 1/mm: how the surface bends from profile to profile, positive where it bulges; 0
+        where nothing is known of it, and beside an edge.
+
+        Of single points it would be noise: it is averaged along the profiles, where they lie close,
+        and is that of most of the profiles about each (`_bend_kernels.settled`). Normals tell less
+        of it: averaged over profiles, too, they turn on a plane before its edge.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        from turnscan.surface.fusion import _bend_kernels as bends
+        from turnscan.surface.fusion import _overlap_kernels as kernels
+
+        p, mesh = self._known(), self.mesh
+        before, after = self.neighbours
+        lines = np.unique(p.line, return_inverse=True)[1].astype(np.int32)
+        below, above = kernels.next_profile(mesh.faces, lines, self.ranks)
+        n = bends.along(np.nan_to_num(vertex_normals(mesh)), below, above, _ALONG)
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12)
+        found = bends.curvatures(mesh.vertices, n, self.sigma, before, after)
+        found = bends.along(found, below, above, _ALONG)
+        return bends.settled(found[:, 0], _MEAN * found[:, 1], before, after)
+
     def _known(self) -> Provenance:
         if self.mesh.provenance is None:
             raise TypeError("the mesh of a grid knows its steps")
@@ -94,7 +122,7 @@ class RangeSurface:
 
         An eighth of its second difference from profile to profile, along the normal
         beyond what noise makes of it, which is the sagitta of what bends evenly. There a merge
-        bulges its faces as the normals say (`_variance_kernels.rise`); what these do not tell of
+        bulges its faces (`bend`, `_variance_kernels.rise`); what that does not make up for of
         the sagitta counts, and a part of it. Where there are not three profiles in a row nothing is
         known of the bend; there it is an eighth of the usual distance between two profiles. Up to
         ``edges`` mm it counts what an edge between them does, with ``slight`` also one of which one
@@ -125,9 +153,9 @@ class RangeSurface:
         """(v,) mm: by how much of their second difference merged faces bulge to both sides."""
         from turnscan.surface.fusion import _variance_kernels as kernels
 
-        X, n = self.mesh.vertices, self.normals
-        before, after = self.neighbours
-        return np.asarray(kernels.rises(X, n, before) + kernels.rises(X, n, after))
+        X, step = self.mesh.vertices, self.ranks
+        before, after = (kernels.rises(X, self.bend, step, other) for other in self.neighbours)
+        return np.asarray(before + after)
 
     def _evenly(self, second: Floats) -> Bools:
         """(v,) True where the profiles about a vertex bend like its own (second differences)."""

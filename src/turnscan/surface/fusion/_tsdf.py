@@ -274,18 +274,17 @@ def _filled(
     usual, noise = usual_sigma(every) or 1.0, usual_sigma(every, most=True) or 1.0
     between = [s.between(_EDGES * most, slight=True, ends=True) for s in parts]
     known = [
-        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise)),
-         s.normals, _border_weights(s, usual))
+        (Vertices(
+            s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise), s.bend
+         ), _border_weights(s, usual))
         for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip
     for decide in (True, False):
         first = 0
-        for (vertices, normals, weight), both in zip(known, looks, strict=True):
+        for (vertices, weight), both in zip(known, looks, strict=True):
             for k in both:
                 look = kernels.Look(k.faces, k.eyes, k.cosine, k.weight * weight)
-                kernels.add(
-                    vertices, normals, look, most, first, space, index, decide, volume, source
-                )
+                kernels.add(vertices, look, most, first, space, index, decide, volume, source)
             first += len(vertices.points)
     total = volume[kernels.TOTAL]
     with np.errstate(invalid="ignore", divide="ignore"):

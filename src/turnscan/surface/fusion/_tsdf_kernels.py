@@ -145,7 +145,6 @@ def _solve(e1: Floats, e2: Floats, r: Floats, inverse: Floats) -> bool:
 @njit(cache=True, nogil=True)
 def add(
     vertices: Vertices,
-    normals: Floats,
     look: Look,
     most: float,
     first: int,
@@ -157,8 +156,8 @@ def add(
 ) -> None:
     """Add one range surface to the volume, or ``decide`` which surface counts in each voxel.
 
-    Between its vertices a face bulges as the normals there say: profiles that are far apart would
-    else cut a round part short by the sagitta. Every voxel that a face shadows, seen along the
+    Between its vertices a face bulges as these bend: profiles that are far apart would else cut a
+    round part short by the sagitta. Every voxel that a face shadows, seen along the
     camera's ray through the face, within the ramp of the surface, gets its signed distance (along
     the ray, times the cosine of incidence; positive on the camera's side) with the weight of the
     vertices times that cosine, over the variance there (`variances`). A place that may be more
@@ -168,6 +167,7 @@ def add(
     keeps the number (from ``first``) of the vertex nearest to what was seen closest.
     """
     points, between = vertices.points, vertices.between
+    bend, step = vertices.bend, vertices.step
     faces, eyes, cosines, weight = look
     origin, voxel, ramp, least_cos = space
     inverse = np.empty((3, 3))
@@ -180,9 +180,9 @@ def add(
         if not cosine > least_cos or not _solve(e1, e2, r, inverse):
             continue
         far = ramp / cosine
-        ab = rise(points, normals, a, b)
-        bc = rise(points, normals, b, c)
-        ca = rise(points, normals, c, a)
+        ab = rise(points, bend, step, a, b)
+        bc = rise(points, bend, step, b, c)
+        ca = rise(points, bend, step, c, a)
         for x in range(low[0], high[0] + 1):
             vx = origin[0] + x * voxel - p[0]
             for y in range(low[1], high[1] + 1):

@@ -9,8 +9,8 @@ import numpy as np
 from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 
-_BENT = float(np.cos(np.deg2rad(45.0)))
-"""Cosine of the angle between normals of neighbours beyond which there is an edge between them."""
+_BENT = float(np.deg2rad(45.0))
+"""Turn from a vertex to its neighbour beyond which there is an edge between them."""
 
 
 class Vertices(NamedTuple):
@@ -27,6 +27,8 @@ class Vertices(NamedTuple):
     noise: Floats
     """(v,) mm: what of sigma noise makes. What goes beyond are edges, creases and chords, which
     move neighbours, and all surfaces, alike."""
+    bend: Floats
+    """(v,) 1/mm: how the surface bends from profile to profile, positive where it bulges."""
 
 
 @njit(cache=True, nogil=True)
@@ -56,24 +58,25 @@ def variances(
 
 
 @njit(cache=True, nogil=True)
-def rise(points: Floats, normals: Floats, a: int, b: int) -> float:
+def rise(points: Floats, bend: Floats, step: Ints, a: int, b: int) -> float:
     """mm: four times the height of a surface over the middle of the chord from a to b.
 
-    By its normals at both ends (a circle's, to the second order); none where they differ by more
-    than 45°, for that is an edge.
+    As it bends at both ends (a circle's, to the second order); none along one profile, whose points
+    lie close, nor where it turns by more than 45° on the way, for that is an edge.
     """
-    dot, rise = 0.0, 0.0
+    if step[a] == step[b]:
+        return 0.0
+    mean, square = (bend[a] + bend[b]) / 2.0, 0.0
     for i in range(3):
-        dot += normals[a, i] * normals[b, i]
-        rise += (normals[b, i] - normals[a, i]) * (points[b, i] - points[a, i])
-    return rise / 2.0 if dot > _BENT else 0.0
+        square += (points[b, i] - points[a, i]) ** 2
+    return mean * square / 2.0 if abs(mean) * np.sqrt(square) < _BENT else 0.0
 
 
 @njit(cache=True, nogil=True)
-def rises(points: Floats, normals: Floats, other: Ints) -> Floats:
+def rises(points: Floats, bend: Floats, step: Ints, other: Ints) -> Floats:
     """(v,) mm: `rise` between each vertex and the ``other`` (v,) one; 0 where that is −1."""
     out = np.zeros(len(points))
     for a in range(len(points)):
         if other[a] >= 0:
-            out[a] = rise(points, normals, a, other[a])
+            out[a] = rise(points, bend, step, a, other[a])
     return out

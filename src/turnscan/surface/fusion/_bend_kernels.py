@@ -1,0 +1,98 @@
+"""Compiled kernels of how a range surface bends from profile to profile; for its merge."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints
+from turnscan.compiled import njit
+
+_REACH = 2
+"""Profiles on either side that a bend is held against."""
+_AGREES = 4.0
+"""Sigma within which a bend is that of the profiles about it."""
+
+
+@njit(cache=True, nogil=True)
+def along(values: Floats, below: Ints, above: Ints, rounds: int) -> Floats:
+    """Means of ``values`` (v, k) over each vertex and those ``below`` and ``above`` (v,) it on its
+    profile, −1 where there is none, ``rounds`` times. What is NaN stays so, and counts nowhere."""
+    for _ in range(rounds):
+        out = values.copy()
+        for v in range(len(values)):
+            count = 1
+            for other in (below[v], above[v]):
+                if other >= 0 and not np.isnan(values[other, 0]):
+                    out[v] += values[other]
+                    count += 1
+            out[v] /= count
+        values = out
+    return values
+
+
+@njit(cache=True, nogil=True)
+def curvatures(points: Floats, normals: Floats, sigma: Floats, before: Ints, after: Ints) -> Floats:
+    """(v, 2) 1/mm: how the surface bends at each vertex between the profiles ``before`` and
+    ``after`` it, positive where it bulges, and what noise makes of that; NaN where one is missing.
+
+    From how far a vertex lies off the line through both, a circle's to the second order. Points of
+    a plane have none, however unlike their distances are.
+    """
+    out = np.full((len(points), 2), np.nan)
+    for v in range(len(points)):
+        if before[v] < 0 or after[v] < 0:
+            continue
+        back, ahead = points[v] - points[before[v]], points[after[v]] - points[v]
+        way = back + ahead
+        whole, first, second = (way * way).sum(), (back * back).sum(), (ahead * ahead).sum()
+        if not min(whole, first, second) > 0.0:
+            continue
+        share = (back * way).sum() / whole
+        off = ((back - share * way) * normals[v]).sum()
+        each = 2.0 / np.sqrt(first * second)
+        rest = 1.0 - share
+        out[v, 0] = each * off
+        out[v, 1] = each * sigma[v] * np.sqrt(1.0 + share * share + rest * rest)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def settled(bend: Floats, noise: Floats, before: Ints, after: Ints) -> Floats:
+    """(v,) The middle one of the ``bend`` (v,) of each vertex and of the two profiles on either
+    side; 0 where nothing is known.
+
+    An edge between two profiles bends those beside it alone, and is in the middle of none. What a
+    vertex bends unlike the middle one, by more than its ``noise`` (v,) tells, is no bend of the
+    surface: the smaller one counts, or none where they bend apart.
+    """
+    out = np.zeros(len(bend))
+    some = np.empty(2 * _REACH + 1)
+    for v in range(len(bend)):
+        known = 0
+        if not np.isnan(bend[v]):
+            some[known] = bend[v]
+            known += 1
+        for ways in (before, after):
+            at = v
+            for _ in range(_REACH):
+                at = ways[at]
+                if at < 0 or at == v:
+                    break
+                if not np.isnan(bend[at]):
+                    some[known] = bend[at]
+                    known += 1
+        if not known:
+            continue
+        some[:known].sort()
+        middle = _smaller(some[(known - 1) // 2], some[known // 2])
+        apart = abs(bend[v] - middle) > _AGREES * noise[v]
+        out[v] = _smaller(bend[v], middle) if apart else middle
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _smaller(a: float, b: float) -> float:
+    """The one nearer to 0; 0 where their signs differ."""
+    if a * b <= 0.0:
+        return 0.0
+    return a if abs(a) < abs(b) else b
