@@ -1,16 +1,24 @@
-"""Planes, spheres, circles and cylinders (`_forms`) through points, by least squares."""
+"""Planes, spheres, circles and cylinders (`_forms`) through points, by least squares.
+
+Where an ``area`` in mm² is given the points are those of a surface, and cover it: neighbours that
+are off together count as fewer then (`shared_noise`), else each as off by itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.errors import DidNotConverge, InputError
+from turnscan.shapes._cells import shared_noise
 from turnscan.shapes._forms import Circle, Cylinder, Plane, Sphere
 
+_Shape = TypeVar("_Shape", Plane, Sphere, Cylinder)
 _ROUNDS = 100
 _TINY = 1e-12
 """mm that a point is from a centre at the least, so that it has a direction from there."""
@@ -48,7 +56,17 @@ def _variance(residual: Floats, w: Floats, free: int, known: bool) -> float:
     return max(measured, 1.0) if known else measured
 
 
-def fit_plane(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Plane:
+def _shared(shape: _Shape, X: Floats, w: Floats, area: float | None) -> _Shape:
+    """A shape fitted to points X (n, 3), its covariance with what these share."""
+    if area is None:
+        return shape
+    times = shared_noise(X, shape.distances(X) * np.sqrt(w), area)
+    return replace(shape, covariance=shape.covariance * times)
+
+
+def fit_plane(
+    points: npt.ArrayLike, sigma: npt.ArrayLike | None = None, area: float | None = None
+) -> Plane:
     """Least-squares plane through points (n, 3) mm, n ≥ 3, weighted by 1/sigma² where given.
 
     Orthogonal distances (principal axes of the points). The covariance follows from the scatter
@@ -68,10 +86,13 @@ def fit_plane(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Plan
     unit = _variance(residual, w, 3, sigma is not None)
     covariance = np.diag(unit / np.array([moments[2], moments[1], w.sum()]))
     rms = float(np.sqrt(np.mean(residual**2)))
-    return Plane(normal, float(normal @ centre), centre, rms, covariance, len(X))
+    plane = Plane(normal, float(normal @ centre), centre, rms, covariance, len(X))
+    return _shared(plane, X, w, area)
 
 
-def fit_sphere(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Sphere:
+def fit_sphere(
+    points: npt.ArrayLike, sigma: npt.ArrayLike | None = None, area: float | None = None
+) -> Sphere:
     """Least-squares sphere (orthogonal distances) through points (n, 3) mm, n ≥ 4.
 
     Starts at the algebraic solution. Raises InputError for too few points or points in a plane,
@@ -95,7 +116,7 @@ def fit_sphere(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Sph
     p, residual, N = _settle(model, start, w, "sphere")
     covariance = _inverse(N, "sphere") * _variance(residual, w, 4, sigma is not None)
     rms = float(np.sqrt(np.mean(residual**2)))
-    return Sphere(middle + p[:3], float(p[3]), rms, covariance, len(X))
+    return _shared(Sphere(middle + p[:3], float(p[3]), rms, covariance, len(X)), X, w, area)
 
 
 def fit_circle(
@@ -132,7 +153,10 @@ def fit_circle(
 
 
 def fit_cylinder(
-    points: npt.ArrayLike, sigma: npt.ArrayLike | None = None, axis: npt.ArrayLike | None = None
+    points: npt.ArrayLike,
+    sigma: npt.ArrayLike | None = None,
+    area: float | None = None,
+    axis: npt.ArrayLike | None = None,
 ) -> Cylinder:
     """Least-squares cylinder (orthogonal distances) through points (n, 3) mm, n ≥ 6.
 
@@ -161,9 +185,7 @@ def fit_cylinder(
             best = found
     if best is None:
         raise DidNotConverge("cylinder: no fit converged", hint="choose a region that is rounder")
-    return Cylinder(
-        best.point + middle, best.axis, best.radius, best.rms, best.covariance, best.count
-    )
+    return _shared(replace(best, point=best.point + middle), X, w, area)
 
 
 def _cylinder_from(d: Floats, w: Floats, axis: Floats, known: bool) -> Cylinder:

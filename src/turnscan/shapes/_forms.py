@@ -24,7 +24,7 @@ class Plane:
     """mm, root mean square distance of the points."""
     covariance: Floats
     """(3, 3): tilt about the two principal directions of the points (radians), shift along the
-    normal at the centre (mm); from the points' scatter, independent from point to point."""
+    normal at the centre (mm); from the points' scatter."""
     count: int
     """Points used."""
 
@@ -64,6 +64,11 @@ class Sphere:
         put = object.__setattr__
         put(self, "centre", frozen(self.centre, (3,), "Sphere.centre"))
         put(self, "covariance", frozen(self.covariance, (4, 4), "Sphere.covariance"))
+
+    def distances(self, points: npt.ArrayLike) -> Floats:
+        """Signed distances (...) mm of points (..., 3), positive outside."""
+        away = np.linalg.norm(np.asarray(points, dtype=np.float64) - self.centre, axis=-1)
+        return np.asarray(away - self.radius)
 
 
 @dataclass(frozen=True)
@@ -113,3 +118,9 @@ class Cylinder:
         put(self, "point", frozen(self.point, (3,), "Cylinder.point"))
         put(self, "axis", frozen(self.axis, (3,), "Cylinder.axis"))
         put(self, "covariance", frozen(self.covariance, (5, 5), "Cylinder.covariance"))
+
+    def distances(self, points: npt.ArrayLike) -> Floats:
+        """Signed distances (...) mm of points (..., 3), positive outside."""
+        away = np.asarray(points, dtype=np.float64) - self.point
+        away = away - (away @ self.axis)[..., None] * self.axis
+        return np.asarray(np.linalg.norm(away, axis=-1) - self.radius)

@@ -153,8 +153,7 @@ def planes_angle(first: Plane, second: Plane) -> Measured:
 
 def plane_of(mesh: Mesh, faces: Bools) -> Plane:
     """The plane of the faces (f,) chosen, its normal outward. Raises InputError for too few."""
-    points, sigma = _corners(mesh, faces)
-    plane = fit_plane(points, sigma)
+    plane = fit_plane(*_corners(mesh, faces))
     t = mesh.triangles[faces]
     outward = vector_areas(t).sum(axis=0)
     if outward @ plane.normal >= 0:
@@ -170,15 +169,15 @@ def region_diameter(mesh: Mesh, faces: Bools) -> Measured:
     Both are fitted to their measured corners; the better one counts. Raises InputError for too few
     points, DidNotConverge where neither fits.
     """
-    points, sigma = _corners(mesh, faces)
+    points, sigma, wide = _corners(mesh, faces)
     found = []
     try:
-        c = fit_cylinder(points, sigma)
+        c = fit_cylinder(points, sigma, wide)
         found.append((c.rms, c.radius, float(c.covariance[4, 4]), c.point, "cylinder"))
     except (InputError, DidNotConverge):
         pass
     try:
-        s = fit_sphere(points, sigma)
+        s = fit_sphere(points, sigma, wide)
         found.append((s.rms, s.radius, float(s.covariance[3, 3]), s.centre, "sphere"))
     except (InputError, DidNotConverge):
         pass
@@ -291,26 +290,28 @@ def volume(mesh: Mesh, source: Source | None = None) -> Measured:
     return Measured(mesh.volume, "mm³", known.total, _middle(t), text)
 
 
-def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None]:
-    """The measured vertices of the chosen faces, and their sigma where all have one."""
+def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None, float]:
+    """The measured vertices of the chosen faces, their sigma where all have one, and the mm² that
+    the measured faces are wide."""
     known = faces if mesh.measured is None else faces & mesh.measured
     chosen = np.zeros(len(mesh.vertices), dtype=np.bool_)
     chosen[mesh.faces[known]] = True
     used = np.flatnonzero(chosen & measured_vertices(mesh))
     if not len(used):
         raise InputError("no measured faces are selected", hint="select measured faces")
-    return mesh.vertices[used], sigma_of(mesh, used)
+    return mesh.vertices[used], sigma_of(mesh, used), mesh.area_of(known)
 
 
-def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None]:
-    """(n, 3) mm: the vertices that were measured, and their sigma (n,) mm where all have one.
+def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None, float]:
+    """(n, 3) mm: the vertices that were measured, their sigma (n,) mm where all have one, and the
+    mm² of the measured faces.
 
     Raises InputError where there are none.
     """
     used = np.flatnonzero(measured_vertices(mesh))
     if not len(used):
         raise InputError("none of it was measured", hint="select measured faces, not fillings")
-    return mesh.vertices[used], sigma_of(mesh, used)
+    return mesh.vertices[used], sigma_of(mesh, used), mesh.area_of(mesh.measured)
 
 
 def sigma_of(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:

@@ -137,18 +137,19 @@ def _finish(
         if (keep == inside).all():
             break
         inside = keep
+    t = mesh.triangles[inside[mesh.faces].all(axis=1)]
+    size = abs(float((vector_areas(t) @ plane.normal).sum()))
+    plane = _fit(mesh, np.flatnonzero(inside), size)
     facing = float((normals[inside] @ plane.normal).sum())
     if facing < 0:
         plane = Plane(
             -plane.normal, -plane.distance, plane.centre, plane.rms, plane.covariance, plane.count
         )
-    t = mesh.triangles[inside[mesh.faces].all(axis=1)]
-    size = (vector_areas(t) @ plane.normal).sum()
-    return PlaneRegion(plane, inside, float(size))
+    return PlaneRegion(plane, inside, size)
 
 
-def _fit(mesh: Mesh, vertices: npt.NDArray[np.int64]) -> Plane:
-    return fit_plane(mesh.vertices[vertices], sigma_of(mesh, vertices))
+def _fit(mesh: Mesh, vertices: npt.NDArray[np.int64], area: float | None = None) -> Plane:
+    return fit_plane(mesh.vertices[vertices], sigma_of(mesh, vertices), area)
 
 
 def _merged(

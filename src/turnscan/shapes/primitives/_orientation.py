@@ -15,15 +15,9 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints
 from turnscan.mesh import Mesh
+from turnscan.shapes._cells import cell_means, cells_of, full_enough
 from turnscan.shapes.primitives import _surface_kernels as surface
-from turnscan.shapes.primitives._form_errors import (
-    FormError,
-    FormKind,
-    cell_means,
-    cells_of,
-    full_enough,
-    well_known,
-)
+from turnscan.shapes.primitives._form_errors import FormError, FormKind, well_known
 from turnscan.shapes.primitives._shapes import Shape, ShapeSet
 from turnscan.shapes.primitives._sizes import LOOK, between_axes, joint, slope_of
 from turnscan.shapes.verification._statistics import noise_range
