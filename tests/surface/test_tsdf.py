@@ -88,7 +88,7 @@ def test_surfaces_one_far_behind_the_other_are_not_joined() -> None:
     assert len(boundary_loops(fuse([low, high], VOXEL, RAMP, seam=3))) == 2
 
 
-def extruded(profile: np.ndarray, out: np.ndarray) -> RangeSurface:
+def extruded(profile: np.ndarray, out: np.ndarray, sigma: float = 0.02) -> RangeSurface:
     """What is x, z = ``profile`` (m, 2) from 0 to 10 mm in y, of m profiles; seen from ``out``."""
     y = np.arange(0, 10.1, VOXEL)
     faces = sheet_faces(len(profile), len(y))
@@ -96,7 +96,7 @@ def extruded(profile: np.ndarray, out: np.ndarray) -> RangeSurface:
     ways = np.repeat(np.insert(out, 1, 0.0, axis=1), len(y), axis=0)
     step = np.repeat(np.arange(len(profile), dtype=np.int32), len(y))
     line = np.tile(np.arange(len(y), dtype=np.int32), len(profile))
-    p = Provenance(np.full(len(points), 0.02), np.zeros_like(step), step, line, ("one",))
+    p = Provenance(np.full(len(points), sigma), np.zeros_like(step), step, line, ("one",))
     return RangeSurface(Mesh(points, faces, p), points + 500.0 * ways, ways)
 
 
@@ -121,6 +121,7 @@ def test_nothing_bulges_beside_an_edge(turn: float, at: float) -> None:
     roof = extruded(
         np.stack([x, -slope * np.abs(x)], axis=-1),
         np.stack([-np.sin(steep), np.cos(steep)], axis=-1),
+        1e-3,
     )
     assert np.abs(roof.bend).max() < 1e-9
     done = fuse([roof], VOXEL, RAMP).vertices

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Floats, Ints, Longs
 from turnscan.compiled import njit
 
 _REACH = 2
@@ -58,36 +58,50 @@ def curvatures(points: Floats, normals: Floats, sigma: Floats, before: Ints, aft
 
 @njit(cache=True, nogil=True)
 def settled(bend: Floats, noise: Floats, before: Ints, after: Ints) -> Floats:
-    """(v,) The middle one of the ``bend`` (v,) of each vertex and of the two profiles on either
-    side; 0 where nothing is known.
+    """(v,) The ``bend`` (v,) that each vertex has with most of the two profiles on either side:
+    the mean of what differs from the middle one by no more than ``noise`` (v,) tells; 0 where
+    nothing is known.
 
     An edge between two profiles bends those beside it alone, and is in the middle of none. What a
-    vertex bends unlike the middle one, by more than its ``noise`` (v,) tells, is no bend of the
-    surface: the smaller one counts, or none where they bend apart.
+    vertex itself bends otherwise than most is no bend of the surface: the smaller one counts, or
+    none where they bend apart.
     """
     out = np.zeros(len(bend))
-    some = np.empty(2 * _REACH + 1)
+    about = np.empty(2 * _REACH + 1, dtype=np.int64)
     for v in range(len(bend)):
-        known = 0
-        if not np.isnan(bend[v]):
-            some[known] = bend[v]
-            known += 1
-        for ways in (before, after):
-            at = v
-            for _ in range(_REACH):
-                at = ways[at]
-                if at < 0 or at == v:
-                    break
-                if not np.isnan(bend[at]):
-                    some[known] = bend[at]
-                    known += 1
+        known = _about(v, bend, before, after, about)
         if not known:
             continue
-        some[:known].sort()
+        some = np.sort(bend[about[:known]])
         middle = _smaller(some[(known - 1) // 2], some[known // 2])
+        total, count = 0.0, 0
+        for at in about[:known]:
+            if abs(bend[at] - middle) <= _AGREES * noise[at]:
+                total += bend[at]
+                count += 1
+        most = total / count if count else middle
         apart = abs(bend[v] - middle) > _AGREES * noise[v]
-        out[v] = _smaller(bend[v], middle) if apart else middle
+        out[v] = _smaller(bend[v], most) if apart else most
     return out
+
+
+@njit(cache=True, nogil=True)
+def _about(v: int, bend: Floats, before: Ints, after: Ints, out: Longs) -> int:
+    """How many of a vertex and the profiles about it have a ``bend``; ``out`` begins with these."""
+    known = 0
+    if not np.isnan(bend[v]):
+        out[known] = v
+        known += 1
+    for ways in (before, after):
+        at = np.int64(v)
+        for _ in range(_REACH):
+            at = np.int64(ways[at])
+            if at < 0 or at == v:
+                break
+            if not np.isnan(bend[at]):
+                out[known] = at
+                known += 1
+    return known
 
 
 @njit(cache=True, nogil=True)
