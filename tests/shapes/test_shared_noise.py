@@ -68,7 +68,8 @@ def test_what_is_fitted_errs_as_it_says(of, area, many) -> None:
         assert np.median(found[:, 1] / alone) > 0.7 * many, "of its points as if each were alone"
 
 
-def test_few_points_say_nothing_of_each_other() -> None:
-    X = np.column_stack([np.random.default_rng(0).normal(size=(60, 2)), np.zeros(60)])
+@pytest.mark.parametrize(("count", "area"), [(60, 10.0), (2000, 0.0)])
+def test_few_points_or_none_that_cover_anything_say_nothing_of_each_other(count, area) -> None:
+    X = np.random.default_rng(0).normal(size=(count, 3))
     X[:, 2] = 0.01 * np.sin(3.0 * X[:, 0])
-    np.testing.assert_array_equal(fit_plane(X, area=10.0).covariance, fit_plane(X).covariance)
+    np.testing.assert_array_equal(fit_plane(X, area=area).covariance, fit_plane(X).covariance)

@@ -51,7 +51,7 @@ def cells_of(points: Floats, residual: Floats, area: float) -> Cells | None:
 
     ``residual`` (n,) mm, of each point, tells whether neighbours are off together.
     """
-    if len(points) < _CELL * _CELLS:
+    if len(points) < _CELL * _CELLS or not area > 0:
         return None
     cells = _cut(points, residual, float(np.sqrt(_CELL * area / len(points))), _LEAST)
     if len(cells) < _CELLS:
