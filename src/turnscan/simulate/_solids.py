@@ -174,8 +174,7 @@ def swept(path: Floats, radii: tuple[float, float], count: int = 64) -> Mesh:
 
 def split_once(v: Floats, f: npt.NDArray[np.integer]) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Each triangle into four through the middles of its edges."""
-    edges = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
-    pairs, back = np.unique(edges, axis=0, return_inverse=True)
+    pairs, back = _pairs(f.T.ravel(), f[:, [1, 2, 0]].T.ravel(), len(v))
     middle = len(v) + back.reshape(3, -1).T
     a, b, c = f[:, 0], f[:, 1], f[:, 2]
     ab, bc, ca = middle[:, 0], middle[:, 1], middle[:, 2]
@@ -183,6 +182,17 @@ def split_once(v: Floats, f: npt.NDArray[np.integer]) -> tuple[Floats, npt.NDArr
         [np.stack(t, -1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
     ).astype(np.int64)
     return np.concatenate([v, v[pairs].mean(axis=1)]), faces
+
+
+def _pairs(
+    a: npt.NDArray[np.integer], b: npt.NDArray[np.integer], count: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """(m, 2) the different edges from ``a`` (n,) to ``b`` (n,) among ``count`` vertices, either way
+    round, and (n,) which of them each is."""
+    # One number for each pair sorts many times faster than rows of two.
+    first, last = np.minimum(a, b).astype(np.int64), np.maximum(a, b)
+    key, which = np.unique(first * count + last, return_inverse=True)
+    return np.stack(np.divmod(key, count), axis=-1), which
 
 
 def bisected(mesh: Mesh, longest: float) -> Mesh:
@@ -199,9 +209,7 @@ def bisected(mesh: Mesh, longest: float) -> Mesh:
             break
         rows = np.arange(len(f))
         a, b, c = f[rows, k], f[rows, (k + 1) % 3], f[rows, (k + 2) % 3]
-        # One number for each pair sorts many times faster than rows of two.
-        key, back = np.unique(np.minimum(a, b) * len(v) + np.maximum(a, b), return_inverse=True)
-        pairs = np.stack(np.divmod(key, len(v)), axis=-1)
+        pairs, back = _pairs(a, b, len(v))
         m = len(v) + back
         v = np.concatenate([v, v[pairs].mean(axis=1)])
         f = np.concatenate([np.stack([a, m, c], -1), np.stack([m, b, c], -1)])
