@@ -23,9 +23,11 @@ def along(values: Floats, below: Ints, above: Ints, rounds: int) -> Floats:
             count = 1
             for other in (below[v], above[v]):
                 if other >= 0 and not np.isnan(values[other, 0]):
-                    out[v] += values[other]
+                    for i in range(values.shape[1]):
+                        out[v, i] += values[other, i]
                     count += 1
-            out[v] /= count
+            for i in range(values.shape[1]):
+                out[v, i] /= count
         values = out
     return values
 
@@ -72,10 +74,10 @@ def settled(bend: Floats, noise: Floats, before: Ints, after: Ints) -> Floats:
         known = _about(v, bend, before, after, about)
         if not known:
             continue
-        some = np.sort(bend[about[:known]])
-        middle = _smaller(some[(known - 1) // 2], some[known // 2])
+        middle = _smaller(bend[about[(known - 1) // 2]], bend[about[known // 2]])
         total, count = 0.0, 0
-        for at in about[:known]:
+        for k in range(known):
+            at = about[k]
             if abs(bend[at] - middle) <= _AGREES * noise[at]:
                 total += bend[at]
                 count += 1
@@ -87,21 +89,30 @@ def settled(bend: Floats, noise: Floats, before: Ints, after: Ints) -> Floats:
 
 @njit(cache=True, nogil=True)
 def _about(v: int, bend: Floats, before: Ints, after: Ints, out: Longs) -> int:
-    """How many of a vertex and the profiles about it have a ``bend``; ``out`` begins with these."""
-    known = 0
-    if not np.isnan(bend[v]):
-        out[known] = v
-        known += 1
+    """How many of a vertex and the profiles about it have a ``bend``; ``out`` begins with these,
+    the least first."""
+    known = _sorted_in(v, bend, out, 0)
     for ways in (before, after):
-        at = np.int64(v)
+        at = ways[v]
         for _ in range(_REACH):
-            at = np.int64(ways[at])
             if at < 0 or at == v:
                 break
-            if not np.isnan(bend[at]):
-                out[known] = at
-                known += 1
+            known = _sorted_in(at, bend, out, known)
+            at = ways[at]
     return known
+
+
+@njit(cache=True, nogil=True)
+def _sorted_in(at: int, bend: Floats, out: Longs, known: int) -> int:
+    """Put a vertex that has a ``bend`` among the ``known`` ones; how many there are then."""
+    if np.isnan(bend[at]):
+        return known
+    k = known
+    while k > 0 and bend[out[k - 1]] > bend[at]:
+        out[k] = out[k - 1]
+        k -= 1
+    out[k] = at
+    return known + 1
 
 
 @njit(cache=True, nogil=True)
