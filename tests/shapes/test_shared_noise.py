@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter
 
-from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere
+from tests.surface.grids import sheet_faces
+from turnscan.mesh import Mesh, Provenance
+from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere, plane_of
 
 ROWS, COLUMNS, SIGMA = 48, 40, 0.05
 SEEDS = 40
@@ -73,3 +75,15 @@ def test_few_points_or_none_that_cover_anything_say_nothing_of_each_other(count,
     X = np.random.default_rng(0).normal(size=(count, 3))
     X[:, 2] = 0.01 * np.sin(3.0 * X[:, 0])
     np.testing.assert_array_equal(fit_plane(X, area=area).covariance, fit_plane(X).covariance)
+
+
+def test_the_value_alone_is_the_same_and_asks_nothing_of_what_is_shared() -> None:
+    X = np.stack([12.0 * U, 10.0 * V, noise(0, 3)], axis=-1).reshape(-1, 3)
+    known = np.zeros(len(X), np.int32)
+    p = Provenance(np.full(len(X), SIGMA), known, known, known, ("one",))
+    mesh = Mesh(X, sheet_faces(ROWS, COLUMNS), p)
+    every = np.ones(len(mesh.faces), dtype=np.bool_)
+    whole, alone = plane_of(mesh, every), plane_of(mesh, every, value_alone=True)
+    np.testing.assert_array_equal(whole.normal, alone.normal)
+    assert whole.distance == alone.distance
+    assert whole.covariance[2, 2] > 4.0 * alone.covariance[2, 2]

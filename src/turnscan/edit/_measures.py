@@ -283,10 +283,14 @@ def _taker(mesh: Mesh, measure: Measure, faces: _Faces, doubts: list[str] | None
             return lambda move: shapes.distance(one(move), other(move))
         case MeasureToPlane():
             point, flat = spot(measure.point), faces(measure.plane)
-            return lambda move: shapes.to_plane(point(move), shapes.plane_of(moved(move), flat))
+            return lambda move: shapes.to_plane(
+                point(move), shapes.plane_of(moved(move), flat, value_alone=move is not None)
+            )
         case MeasureDiameter():
             round_ = faces(measure.where)
-            return lambda move: shapes.region_diameter(moved(move), round_)
+            return lambda move: shapes.region_diameter(
+                moved(move), round_, value_alone=move is not None
+            )
         case MeasureSection():
             plane = measure.normal, measure.distance
             # A calibration's move leaves the noise as it is.
@@ -295,7 +299,7 @@ def _taker(mesh: Mesh, measure: Measure, faces: _Faces, doubts: list[str] | None
         case MeasureAngle():
             sides = faces(measure.first), faces(measure.second)
             return lambda move: shapes.planes_angle(
-                *(shapes.plane_of(moved(move), side) for side in sides)
+                *(shapes.plane_of(moved(move), s, value_alone=move is not None) for s in sides)
             )
         case MeasureCorner():
             a, corner, b = (spot(at) for at in (measure.a, measure.corner, measure.b))

@@ -74,7 +74,7 @@ def _fitted(v: View, start: Floats, r: float) -> Floats | None:
         centre = ball.centre
     out = (v.points[on] - centre) / ball.radius
     spread = np.linalg.eigvalsh(np.cov(out.T))
-    off = (np.linalg.norm(v.points[on] - centre, axis=1) - ball.radius) / v.sigma[on]
+    off = ball.distances(v.points[on]) / v.sigma[on]
     good = abs(ball.radius - r) < _SIZE * r and spread[0] > _ROUND
     good &= float(np.sqrt((off**2).mean())) < _SIGMAS
     return np.asarray(centre) if good else None

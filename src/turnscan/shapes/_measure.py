@@ -151,9 +151,13 @@ def planes_angle(first: Plane, second: Plane) -> Measured:
     return Measured(value, "rad", sigma, np.stack([first.centre, second.centre]), text)
 
 
-def plane_of(mesh: Mesh, faces: Bools) -> Plane:
-    """The plane of the faces (f,) chosen, its normal outward. Raises InputError for too few."""
-    plane = fit_plane(*_corners(mesh, faces))
+def plane_of(mesh: Mesh, faces: Bools, *, value_alone: bool = False) -> Plane:
+    """The plane of the faces (f,) chosen, its normal outward. Raises InputError for too few.
+
+    For its ``value_alone`` nothing is asked of what its points share: its covariance is too small.
+    """
+    points, sigma, wide = _corners(mesh, faces)
+    plane = fit_plane(points, sigma, None if value_alone else wide)
     t = mesh.triangles[faces]
     outward = vector_areas(t).sum(axis=0)
     if outward @ plane.normal >= 0:
@@ -163,13 +167,14 @@ def plane_of(mesh: Mesh, faces: Bools) -> Plane:
     )
 
 
-def region_diameter(mesh: Mesh, faces: Bools) -> Measured:
+def region_diameter(mesh: Mesh, faces: Bools, *, value_alone: bool = False) -> Measured:
     """The diameter of the cylinder or sphere that the chosen faces (f,) are part of.
 
-    Both are fitted to their measured corners; the better one counts. Raises InputError for too few
-    points, DidNotConverge where neither fits.
+    Both are fitted to their measured corners; the better one counts. ``value_alone`` as for
+    `plane_of`. Raises InputError for too few points, DidNotConverge where neither fits.
     """
-    points, sigma, wide = _corners(mesh, faces)
+    points, sigma, area = _corners(mesh, faces)
+    wide = None if value_alone else area
     found = []
     try:
         c = fit_cylinder(points, sigma, wide)

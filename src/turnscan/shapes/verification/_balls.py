@@ -104,7 +104,7 @@ def ball_at(survey: Survey, centre: Floats, radius: float) -> Ball:
     inner = kept(np.linalg.norm(X[good] - centre, axis=1) - radius)
     fit = fit_sphere(X[good[inner]])
     out = X[good] - fit.centre
-    residual = np.linalg.norm(out, axis=1) - fit.radius
+    residual = fit.distances(X[good])
     bends = _moves(survey, fit.centre, good)[1]
     own, shared = own_residual(residual, bends, _cell(out), 4)
     lines = None if survey.lines is None else survey.lines[good[inner]]

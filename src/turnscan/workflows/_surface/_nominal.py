@@ -161,10 +161,8 @@ def _curved(
     area = mesh.area_of(own)
     try:
         c = fit_cylinder(X)
-        away = X - c.point
-        along = away @ c.axis
-        off = np.linalg.norm(away - along[:, None] * c.axis, axis=1) - c.radius
-        if np.abs(off).max() <= limit:
+        if np.abs(c.distances(X)).max() <= limit:
+            along = (X - c.point) @ c.axis
             out = (middle - c.point) - ((middle - c.point) @ c.axis)[:, None] * c.axis
             hollow = bool(np.einsum("ij,ij->", out, normal[own]) < 0)
             made = _shape("cylinder", c.point, c.axis, c.radius, hollow, area, float(np.ptp(along)))
@@ -174,7 +172,7 @@ def _curved(
         pass
     try:
         s = fit_sphere(X)
-        if np.abs(np.linalg.norm(X - s.centre, axis=1) - s.radius).max() <= limit:
+        if np.abs(s.distances(X)).max() <= limit:
             hollow = bool(np.einsum("ij,ij->", middle - s.centre, normal[own]) < 0)
             up = np.array([0.0, 0.0, 1.0])
             yield _shape("sphere", s.centre, up, s.radius, hollow, area, 0.0), own
