@@ -13,14 +13,13 @@ from turnscan.calibrate._layout import MarkerLayout
 from turnscan.rig import Camera, Pose, rotation_z
 
 FEWEST_POINTS = 12
-_SUPPORTS = 48
+_SUPPORTS = 96
 NEAR_PX = 1.5
 """From a stripe's line, within which its points are."""
 _TIGHT = 4.0  # robust sigmas about the final line
 _LEAST_PX = 0.3
 _GAP = 0.25  # of the length: a stripe that pauses longer than this is two stripes
 _DENSE = 0.4  # of the lines between its ends must show the stripe
-_AS_LONG = 0.9  # of a stripe as it was found: on the print, no piece of it may be lost
 _AT_ONCE = 32768
 """Distances of points from lines that are held at once: 256 KiB."""
 _CLEAR = 1.35  # a marker's printed square and the blur around it, in sides
@@ -48,7 +47,7 @@ def straighter(
     camera: Camera, picture: LaserPicture, pose: Pose, margin: float | Floats
 ) -> tuple[LaserPicture, Floats]:
     """The picture with the light as it was found, or as it fell on the print, by which of them the
-    stripe on its board is straighter; and that stripe, (k, 2) px.
+    line of the stripe on its board is known better; and that stripe, (k, 2) px.
 
     Where a stripe crosses the print, its light as it fell there makes it straight; a picture whose
     grey values are clipped, or go with the light in a way that the print does not show, is
@@ -58,20 +57,23 @@ def straighter(
     if picture.on_print is None:
         return picture, found
     printed = on_board(camera, picture.on_print, picture.view.board, pose, margin)
-    long = len(printed) >= max(_AS_LONG * len(found), FEWEST_POINTS)
-    if long and _unevenness(camera, printed) < _unevenness(camera, found):
+    if _unsureness(camera, printed) < _unsureness(camera, found):
         return picture.printed, printed
     return picture, found
 
 
-def _unevenness(camera: Camera, pixels: Floats) -> float:
-    """px rms of a stripe (k, 2) about its straight line, in a picture without distortion; infinite
-    without a stripe."""
+def _unsureness(camera: Camera, pixels: Floats) -> float:
+    """rad by which the straight line through a stripe (k, 2) may be turned, in a picture without
+    distortion; infinite without a stripe.
+
+    That is the rms of its points about the line over their rms along it, and over the root of their
+    number: a stripe of which an end is lost must be straighter to be known as well.
+    """
     if not len(pixels):
         return np.inf
     straight = camera.normalised(pixels) * (camera.fx, camera.fy)
-    least = np.linalg.svd(straight - straight.mean(axis=0), compute_uv=False)[1]
-    return float(least / np.sqrt(len(pixels)))
+    most, least = np.linalg.svd(straight - straight.mean(axis=0), compute_uv=False)
+    return float(least / most / np.sqrt(len(pixels)))
 
 
 def on_platter(
