@@ -108,7 +108,7 @@ class RangeSurface:
         below, above = kernels.next_profile(mesh.faces, lines, self.ranks)
         n = bends.along(np.nan_to_num(vertex_normals(mesh)), below, above, _ALONG)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12)
-        found = bends.curvatures(mesh.vertices, n, self.sigma, before, after)
+        found = bends.curvatures(mesh.vertices, n, self.noise(np.inf), before, after)
         found = bends.along(found, below, above, _ALONG)
         return bends.settled(found[:, 0], _MEAN * found[:, 1], before, after)
 
