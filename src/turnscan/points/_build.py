@@ -31,6 +31,9 @@ _TOGETHER = 64
 _ODD = 1.5
 """Times a point's sigma by which both profiles beside it are doubted, and it as much as they: what
 cuts stripes along an edge cuts the one between them too, which by chance looks well."""
+_ALIKE = 8
+"""Lines to either side on a profile whose usual doubt a point has at least: an edge along the
+profile cuts them all alike."""
 _CURVED = 0.15
 """Part of what a thick sheet shifts that is doubted, one standard deviation. The thickness is known
 to a twentieth, and the shift is its square: 0.10. How a surface sends light back, and how a sheet's
@@ -54,7 +57,8 @@ def build_grid(
     (`pooled_sigma`), of what its width says (`wholeness`; nothing
     where it was refined), of what a thick sheet does on a curved surface (`curvature_shift`, which
     is taken off), and of how far the angle's uncertainty carries the point off its surface; where
-    both profiles beside it are doubted by much more, that of the better one.
+    both profiles beside it are doubted by much more, that of the better one, and no less than most
+    of those beside it on its profile are doubted.
     Stripes that something cuts where what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
@@ -221,8 +225,7 @@ def _judged(
             common[a:b] = np.nan_to_num(along * shift[..., None])
 
     in_parts(part, len(points), _blocks(len(points)))
-    beside = _both_sides(np.where(light.near, more, np.nan), grid.closed)
-    sigma = np.where(single & (beside > _ODD * sigma), beside, sigma)
+    sigma = np.where(single, _doubted_alike(sigma, more, light.near, grid.closed), sigma)
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
@@ -232,6 +235,18 @@ def _judged(
         thickness=light.thickness,
         light_doubt=None if common is None else handed_over(common),
     )
+
+
+def _doubted_alike(sigma: Floats, doubt: Floats, near: Bools, closed: bool) -> Floats:
+    """(s, n) mm: ``sigma`` (s, n), but not below what the ``doubt`` (s, n) of points beside is, of
+    which most are cut by the same edge: of both profiles beside where the sheet's light reaches
+    over a step (``near``), and of most points beside on the same profile. NaN where none is."""
+    from turnscan.points import _wholeness_kernels as kernels
+
+    beside = _both_sides(np.where(near, doubt, np.nan), closed)
+    sigma = np.where(beside > _ODD * sigma, beside, sigma)
+    usual = in_parts(lambda a, b: kernels.usual(doubt[a:b], _ALIKE), len(doubt))
+    return np.maximum(sigma, np.concatenate(usual))
 
 
 def _both_sides(doubt: Floats, closed: bool) -> Floats:
