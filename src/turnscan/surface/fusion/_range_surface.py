@@ -22,8 +22,9 @@ _SURE = 11.2
 """… and by which both must together: three times what noise alone makes, the root of 14."""
 _ALONE = 6.3
 """… and one by itself, of a profile beyond which nothing was seen: twice what noise makes of it."""
-_EVEN = 6.0
-"""Sigma by which a bend differs from those beside it at most, where the surface bends evenly."""
+_EVEN, _EVEN_ELSE = 6.0, 10.0
+"""Sigma by which a bend differs from those beside it at most, where the surface bends evenly; and
+where slight edges are looked for by themselves."""
 _BULGE = 0.3
 """Part of a chord's sagitta that is doubted where it is made up for on an evenly bent surface."""
 _ALONG = 4
@@ -133,7 +134,7 @@ class RangeSurface:
         second = np.where((before < 0) | (after < 0), np.nan, second)
         off = self._sagitta(second)
         told = np.hypot(self._sagitta(second + self._bulge()), _BULGE * off)
-        off = np.where(self._evenly(second), np.fmin(off, told), off)
+        off = np.where(self._evenly(second, slight), np.fmin(off, told), off)
         aside = np.fmax(
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
@@ -157,15 +158,16 @@ class RangeSurface:
         before, after = (kernels.rises(X, self.bend, step, other) for other in self.neighbours)
         return np.asarray(before + after)
 
-    def _evenly(self, second: Floats) -> Bools:
-        """(v,) True where the profiles about a vertex bend like its own (second differences)."""
+    def _evenly(self, second: Floats, slight: bool) -> Bools:
+        """(v,) True where the profiles about a vertex bend like its own (second differences), the
+        less so where ``slight`` edges are found by themselves."""
         before, after = self.neighbours
         with np.errstate(invalid="ignore"):
             apart = [
                 np.where(other < 0, np.nan, np.abs(second - second[other]))
                 for other in (before, after)
             ]
-            return np.asarray(np.fmax(*apart) <= _EVEN * self.sigma)
+            return np.asarray(np.fmax(*apart) <= (_EVEN_ELSE if slight else _EVEN) * self.sigma)
 
     def _creases(self, second: Floats, slight: bool, ends: bool) -> Floats:
         """(v,) mm: how far an edge between two profiles stands off their chord, from the second
