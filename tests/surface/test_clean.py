@@ -199,6 +199,33 @@ def test_points_far_off_the_line_of_their_profile_go_and_grooves_stay():
     assert clean(replace(rough, flags=flags))[0].found[80, 20], "set by a person"
 
 
+@pytest.mark.parametrize("apart", [1, 2, 3, 6])
+def test_two_strays_in_a_run_do_not_hide_each_other(apart):
+    """Coarse steps: eight millimetres are no farther than from profile to profile. The laser's
+    sheet goes through the axis, and the camera looks at it aslant."""
+    grid = wall(24, 80, noise=0.1)
+    seen_from = grid.angles + 0.4
+    eyes = 400.0 * np.stack([np.cos(seen_from), np.sin(seen_from), 0.1 + 0 * seen_from], axis=-1)
+    strays = np.zeros(grid.flags.shape, dtype=bool)
+    strays[[5, 5, 11, 11], [40, 40 + apart, 20, 20 + apart]] = True
+    points = grid.points.copy()
+    points[strays, :2] *= 38.8 / 30.5
+    out, _ = clean(replace(grid, points=points, eyes=eyes))
+    assert not out.found[strays].any()
+    assert (grid.found & ~out.found & ~strays).sum() <= 2
+    assert (out.flags[strays] & (StripeFlag.EDGE | StripeFlag.AMBIGUOUS)).all()
+
+
+def test_a_step_along_all_profiles_and_a_thin_rib_on_one_stay():
+    """What the profiles beside have too is no stray, nor are four lines of one profile."""
+    grid = wall(60, 80, noise=0.02)
+    shape = np.zeros(grid.flags.shape, dtype=bool)
+    shape[:, 30:33] = True  # a ring of three lines
+    shape[20, 50:54] = True
+    out, _ = clean(moved(grid, shape, -0.5))
+    assert out.found[shape].all()
+
+
 def test_the_last_point_of_a_run_is_believed_less_than_one_within_it():
     """Both lie four sigma off; where a run ends the light may lie on two surfaces."""
     grid = wall(120, 60, noise=0.02)

@@ -10,6 +10,9 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 Vector = tuple[float, float, float]
+_STRAYS, _ASTRAY = 2, 3.0
+"""Points of a run that may be strays, and times that each lies farther off its line than the rest
+scatter: three alike are no strays by this."""
 
 
 class Limits(NamedTuple):
@@ -225,7 +228,8 @@ def off_runs(
     unknown there; 0 where too few tell.
 
     The line goes through up to ``inner`` points before it and after it; at the ends of a run,
-    through those on the one side, without the ``skipped`` next to it.
+    through those on the one side, without the ``skipped`` next to it; of either, without the few
+    that are strays themselves.
     """
     own, at = np.empty((2 * inner, 3)), np.empty(2 * inner)
     for k in rows:
@@ -238,6 +242,7 @@ def off_runs(
             if before < 2 or have - before < 2:
                 way = -1 if 2 * before >= have else 1
                 have = _gathered(points[k], j, way, skipped, inner, own, at, 0)
+            have = _without_strays(own, at, have, inner - 1)
             if have < inner - 1:
                 continue
             side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
@@ -268,20 +273,54 @@ def _gathered(
 
 
 @njit(cache=True, nogil=True)
-def _beside_line(point: Floats, own: Floats, at: Floats) -> tuple[Vector, float, float]:
-    """(3,) from the line through points (m, 3) at places (m,) to one more at 0, across it; mm rms
-    by which they scatter about it; and by how much noise counts there, the line's own included."""
+def _without_strays(own: Floats, at: Floats, have: int, least: int) -> int:
+    """Take up to two of the points (m, 3) at places (m,) away, the farthest off their line first,
+    while it lies much farther off than the rest scatter and ``least`` are left; gives how many
+    are left. Two strays in a run would hide each other."""
+    for _ in range(_STRAYS):
+        if have <= least:
+            break
+        middle, slope, _, _ = _line(own[:have], at[:have])
+        worst, most, total = 0, 0.0, 0.0
+        for i in range(have):
+            side = _aside((own[i, 0], own[i, 1], own[i, 2]), middle, slope)
+            far = _dot(side, side)
+            total += far
+            if far > most:
+                worst, most = i, far
+        if most * (have - 1) <= _ASTRAY * _ASTRAY * (total - most):
+            break
+        have -= 1
+        for i in range(worst, have):
+            at[i] = at[i + 1]
+            for k in range(3):
+                own[i, k] = own[i + 1, k]
+    return have
+
+
+@njit(cache=True, nogil=True)
+def _line(own: Floats, at: Floats) -> tuple[Vector, Vector, float, float]:
+    """The line through points (m, 3) at places (m,): middle, unit slope, the mean place, and the
+    sum of squares of the places about it."""
     count, mean = len(at), at.mean()
-    m0, m1, m2, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    m0, m1, m2, t0, t1, t2, spread = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(count):
         m0, m1, m2 = m0 + own[i, 0] / count, m1 + own[i, 1] / count, m2 + own[i, 2] / count
         far = at[i] - mean
         t0, t1, t2 = t0 + far * own[i, 0], t1 + far * own[i, 1], t2 + far * own[i, 2]
+        spread += far * far
     size = max(np.sqrt(t0 * t0 + t1 * t1 + t2 * t2), 1e-12)
-    middle, slope = (m0, m1, m2), (t0 / size, t1 / size, t2 / size)
-    scatter, spread = 0.0, 0.0
+    return (m0, m1, m2), (t0 / size, t1 / size, t2 / size), mean, spread
+
+
+@njit(cache=True, nogil=True)
+def _beside_line(point: Floats, own: Floats, at: Floats) -> tuple[Vector, float, float]:
+    """(3,) from the line through points (m, 3) at places (m,) to one more at 0, across it; mm rms
+    by which they scatter about it; and by how much noise counts there, the line's own included."""
+    count = len(at)
+    middle, slope, mean, spread = _line(own, at)
+    scatter = 0.0
     for i in range(count):
-        spread += (at[i] - mean) ** 2
         side = _aside((own[i, 0], own[i, 1], own[i, 2]), middle, slope)
         scatter += _dot(side, side)
     off = _aside((point[0], point[1], point[2]), middle, slope)
