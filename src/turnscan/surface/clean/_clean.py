@@ -79,8 +79,8 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     where ``outlier`` is given. Then points with too few linked neighbours go, again and again:
     single strays, and spikes of one line's or one profile's width. What is removed is flagged
     EDGE or AMBIGUOUS. Last go points far off the line of their run, unless the profiles
-    beside have them alike. A grid of one profile or one line has no neighbours to judge by and
-    stays as it is.
+    beside have them alike and the light there is whole. A grid of one profile or one line has no
+    neighbours to judge by and stays as it is.
     """
     c = settings or Clean()
     s, n = grid.flags.shape
@@ -185,8 +185,9 @@ def _fading(grid: RangeGrid) -> Bools:
 
 
 def _off_run(grid: RangeGrid) -> Bools:
-    """(s, n) True for points far off the line of their run that the profiles beside do not have;
-    what a person set stays.
+    """(s, n) True for points far off the line of their run that the profiles beside do not have,
+    and for the last of a run whose light is one-sided, whatever those have. What a person set
+    stays.
 
     Where the stripe's last light falls on two surfaces, or something glows through, one or two
     centres jump; an edge or a groove goes on in the next profile.
@@ -195,7 +196,7 @@ def _off_run(grid: RangeGrid) -> Bools:
 
     points, sigma = grid.points.copy(), noise(grid)
     off, ratio, rows = np.zeros_like(points), np.zeros_like(sigma), np.arange(len(points))
-    drop = np.zeros_like(grid.found)
+    drop, one_sided = np.zeros_like(grid.found), (grid.flags & StripeFlag.EDGE) != 0
     for _ in range(2):  # what was next to the last of a run is the last one then
 
         def part(first: int, end: int, rows: Longs = rows) -> None:
@@ -206,7 +207,7 @@ def _off_run(grid: RangeGrid) -> Bools:
         inside = _shifted(there, 1) & _shifted(there, -1)
         far = ratio > np.where(inside, _OFF, _OFF_END)
         step, line = np.nonzero(far & ((grid.flags & StripeFlag.HAND) == 0))
-        alone = ~_alike(off, step, line, grid.closed)
+        alone = ~_alike(off, step, line, grid.closed) | (one_sided & ~inside)[step, line]
         step, line = step[alone], line[alone]
         drop[step, line], points[step, line] = True, np.nan
         rows = np.unique(step)
