@@ -21,7 +21,7 @@ _BEND = float(np.cos(np.deg2rad(25.0)))
 _FADES, _INNER = 6, 6
 """Last points of a run in which its light may fade, and the points before that tell what is usual
 …"""
-_FAINT, _APART = 0.75, 8.0
+_FAINT, _APART = 0.75, 6.0
 """… of which, and of the profile beside, they keep less than this part, and how far, in sigma, they
 lie off the line that the points before make."""
 _OFF, _RUN, _NEXT = 4.5, 7, 1
