@@ -21,7 +21,7 @@ _BEND = float(np.cos(np.deg2rad(25.0)))
 _FADES, _INNER = 6, 6
 """Last points of a run in which its light may fade, and the points before that tell what is usual
 …"""
-_FAINT, _APART = 0.75, 6.0
+_FAINT, _APART = 0.75, 8.0
 """… of which, and of the profile beside, they keep less than this part, and how far, in sigma, they
 lie off the line that the points before make."""
 _OFF, _RUN, _NEXT = 4.5, 7, 1
@@ -32,6 +32,8 @@ _OFF_END = 3.0
 hundred, …"""
 _ALIKE, _LINES = 0.5, 2
 """… unless in the profiles beside one lies this part as far off, so many lines away at most."""
+_CLOSE, _SPENT = 3, 0.5
+"""Lines to either side that tell how much light there is, and the part of it that is little."""
 _TOGETHER = 32
 """Profiles that a thread takes at a time."""
 _DOUBTED = 3.0
@@ -79,7 +81,7 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     where ``outlier`` is given. Then points with too few linked neighbours go, again and again:
     single strays, and spikes of one line's or one profile's width. What is removed is flagged
     EDGE or AMBIGUOUS. Last go points far off the line of their run, unless the profiles
-    beside have them alike and the light there is whole. A grid of one profile or one line has no
+    beside have them alike and there is light left. A grid of one profile or one line has no
     neighbours to judge by and stays as it is.
     """
     c = settings or Clean()
@@ -186,8 +188,8 @@ def _fading(grid: RangeGrid) -> Bools:
 
 def _off_run(grid: RangeGrid) -> Bools:
     """(s, n) True for points far off the line of their run that the profiles beside do not have,
-    and for the last of a run whose light is one-sided, whatever those have. What a person set
-    stays.
+    and for the last of a run whose light is one-sided and spent, whatever those have. What a person
+    set stays.
 
     Where the stripe's last light falls on two surfaces, or something glows through, one or two
     centres jump; an edge or a groove goes on in the next profile.
@@ -196,7 +198,7 @@ def _off_run(grid: RangeGrid) -> Bools:
 
     points, sigma = grid.points.copy(), noise(grid)
     off, ratio, rows = np.zeros_like(points), np.zeros_like(sigma), np.arange(len(points))
-    drop, one_sided = np.zeros_like(grid.found), (grid.flags & StripeFlag.EDGE) != 0
+    drop, spent = np.zeros_like(grid.found), _spent(grid)
     for _ in range(2):  # what was next to the last of a run is the last one then
 
         def part(first: int, end: int, rows: Longs = rows) -> None:
@@ -207,11 +209,23 @@ def _off_run(grid: RangeGrid) -> Bools:
         inside = _shifted(there, 1) & _shifted(there, -1)
         far = ratio > np.where(inside, _OFF, _OFF_END)
         step, line = np.nonzero(far & ((grid.flags & StripeFlag.HAND) == 0))
-        alone = ~_alike(off, step, line, grid.closed) | (one_sided & ~inside)[step, line]
+        alone = ~_alike(off, step, line, grid.closed) | (spent & ~inside)[step, line]
         step, line = step[alone], line[alone]
         drop[step, line], points[step, line] = True, np.nan
         rows = np.unique(step)
     return drop
+
+
+def _spent(grid: RangeGrid) -> Bools:
+    """(s, n) True for points in one-sided light of less than half of that close by on the profile:
+    its last on two surfaces."""
+    light = np.where(grid.found, grid.amplitude, 0.0)
+    close = np.zeros_like(light)
+    for lines in range(1, _CLOSE + 1):
+        np.fmax(close[:, lines:], light[:, :-lines], out=close[:, lines:])
+        np.fmax(close[:, :-lines], light[:, lines:], out=close[:, :-lines])
+    one_sided = (grid.flags & StripeFlag.EDGE) != 0
+    return np.asarray(one_sided & (light < _SPENT * close))
 
 
 def _alike(off: Floats, step: Longs, line: Longs, closed: bool) -> Bools:

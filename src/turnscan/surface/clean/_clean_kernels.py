@@ -10,9 +10,9 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 Vector = tuple[float, float, float]
-_STRAYS, _ASTRAY = 2, 3.0
-"""Points of a run that may be strays, and times that each lies farther off its line than the rest
-scatter: three alike are no strays by this."""
+_STRAYS, _ASTRAY, _FAR = 2, 3.0, 10.0
+"""Points of a run that may be strays, times that each lies farther off its line than the rest
+scatter, by which three alike are no strays, and sigma that it lies off at least."""
 
 
 class Limits(NamedTuple):
@@ -242,7 +242,7 @@ def off_runs(
             if before < 2 or have - before < 2:
                 way = -1 if 2 * before >= have else 1
                 have = _gathered(points[k], j, way, skipped, inner, own, at, 0)
-            have = _without_strays(own, at, have, inner - 1)
+            have = _without_strays(own, at, have, inner - 1, sigma[k, j])
             if have < inner - 1:
                 continue
             side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
@@ -273,10 +273,10 @@ def _gathered(
 
 
 @njit(cache=True, nogil=True)
-def _without_strays(own: Floats, at: Floats, have: int, least: int) -> int:
+def _without_strays(own: Floats, at: Floats, have: int, least: int, sigma: float) -> int:
     """Take up to two of the points (m, 3) at places (m,) away, the farthest off their line first,
-    while it lies much farther off than the rest scatter and ``least`` are left; gives how many
-    are left. Two strays in a run would hide each other."""
+    while it lies much farther off than the rest scatter and ``sigma``, mm, says, and ``least`` are
+    left; gives how many are left. Two strays in a run would hide each other."""
     for _ in range(_STRAYS):
         if have <= least:
             break
@@ -288,7 +288,8 @@ def _without_strays(own: Floats, at: Floats, have: int, least: int) -> int:
             total += far
             if far > most:
                 worst, most = i, far
-        if most * (have - 1) <= _ASTRAY * _ASTRAY * (total - most):
+        usual = _ASTRAY * _ASTRAY * (total - most) / (have - 1)
+        if most <= max(usual, (_FAR * sigma) ** 2):
             break
         have -= 1
         for i in range(worst, have):
