@@ -198,11 +198,11 @@ def _off_run(grid: RangeGrid) -> Bools:
 
     points, sigma = grid.points.copy(), noise(grid)
     off, ratio, rows = np.zeros_like(points), np.zeros_like(sigma), np.arange(len(points))
-    drop, spent = np.zeros_like(grid.found), _spent(grid)
+    drop, spent, claims = np.zeros_like(grid.found), _spent(grid), np.nan_to_num(grid.sigma)
     for _ in range(2):  # what was next to the last of a run is the last one then
 
         def part(first: int, end: int, rows: Longs = rows) -> None:
-            kernels.off_runs(points, sigma, _RUN, _NEXT, rows[first:end], off, ratio)
+            kernels.off_runs(points, sigma, claims, _RUN, _NEXT, rows[first:end], off, ratio)
 
         in_parts(part, len(rows), -(-len(rows) // _TOGETHER))
         there = ~np.isnan(points[..., 0])

@@ -10,9 +10,10 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 Vector = tuple[float, float, float]
-_STRAYS, _ASTRAY, _FAR = 2, 3.0, 10.0
+_STRAYS, _ASTRAY, _FAR, _CLAIMS = 2, 3.0, 10.0, 3.0
 """Points of a run that may be strays, times that each lies farther off its line than the rest
-scatter, by which three alike are no strays, and sigma that it lies off at least."""
+scatter, by which three alike are no strays, and times what is usual and what it claims by itself
+that it lies off at least."""
 
 
 class Limits(NamedTuple):
@@ -220,7 +221,14 @@ def _run(
 
 @njit(cache=True, nogil=True)
 def off_runs(
-    points: Floats, sigma: Floats, inner: int, skipped: int, rows: Longs, off: Floats, ratio: Floats
+    points: Floats,
+    sigma: Floats,
+    claims: Floats,
+    inner: int,
+    skipped: int,
+    rows: Longs,
+    off: Floats,
+    ratio: Floats,
 ) -> None:
     """For some profiles ``rows`` (r,): ``off`` (s, n, 3) mm by which each point lies beside the
     line of its run, and ``ratio`` (s, n), that distance over what is usual: its ``sigma`` (s, n),
@@ -229,7 +237,7 @@ def off_runs(
 
     The line goes through up to ``inner`` points before it and after it; at the ends of a run,
     through those on the one side, without the ``skipped`` next to it; of either, without the few
-    that are strays themselves.
+    that are strays themselves, by what they say of themselves, too: ``claims`` (s, n) mm.
     """
     own, at = np.empty((2 * inner, 3)), np.empty(2 * inner)
     for k in rows:
@@ -242,7 +250,7 @@ def off_runs(
             if before < 2 or have - before < 2:
                 way = -1 if 2 * before >= have else 1
                 have = _gathered(points[k], j, way, skipped, inner, own, at, 0)
-            have = _without_strays(own, at, have, inner - 1, sigma[k, j])
+            have = _without_strays(own, at, have, inner - 1, sigma[k, j], claims[k], j)
             if have < inner - 1:
                 continue
             side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
@@ -273,10 +281,13 @@ def _gathered(
 
 
 @njit(cache=True, nogil=True)
-def _without_strays(own: Floats, at: Floats, have: int, least: int, sigma: float) -> int:
-    """Take up to two of the points (m, 3) at places (m,) away, the farthest off their line first,
-    while it lies much farther off than the rest scatter and ``sigma``, mm, says, and ``least`` are
-    left; gives how many are left. Two strays in a run would hide each other."""
+def _without_strays(
+    own: Floats, at: Floats, have: int, least: int, sigma: float, claims: Floats, j: int
+) -> int:
+    """Take up to two of the points (m, 3) at places (m,) from j away, the farthest off their line
+    first, while it lies much farther off than the rest scatter, than ``sigma``, mm, says and than
+    it ``claims`` (n,) itself, and ``least`` are left; gives how many are left. Two strays in a run
+    would hide each other."""
     for _ in range(_STRAYS):
         if have <= least:
             break
@@ -289,7 +300,8 @@ def _without_strays(own: Floats, at: Floats, have: int, least: int, sigma: float
             if far > most:
                 worst, most = i, far
         usual = _ASTRAY * _ASTRAY * (total - most) / (have - 1)
-        if most <= max(usual, (_FAR * sigma) ** 2):
+        known = max(_FAR * sigma, _CLAIMS * claims[j + int(at[worst])])
+        if not most > max(usual, known * known):
             break
         have -= 1
         for i in range(worst, have):
