@@ -250,10 +250,12 @@ def off_runs(
             if before < 2 or have - before < 2:
                 way = -1 if 2 * before >= have else 1
                 have = _gathered(points[k], j, way, skipped, inner, own, at, 0)
-            have = _without_strays(own, at, have, inner - 1, sigma[k, j], claims[k], j)
             if have < inner - 1:
                 continue
             side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
+            if scatter * np.sqrt(have) > _FAR * sigma[k, j]:  # less where there is no stray
+                have = _without_strays(own, at, have, inner - 1, sigma[k, j], claims[k], j)
+                side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
             off[k, j, 0], off[k, j, 1], off[k, j, 2] = side
             known *= max(sigma[k, j], scatter)
             ratio[k, j] = np.sqrt(_dot(side, side)) / known if known > 0.0 else 0.0
