@@ -7,6 +7,7 @@ not measured again stay. ``python -m bench.truth --keep FOLDER`` keeps the simul
 finds them again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--steps 24 60`` take some
 of those alone. ``--calibrated`` measures with a rig calibrated from pictures of a board, lays the
 surface onto the part (`bench._laid`), and adds to sigma what the calibration says of itself.
+``--largest-sigma 0.3`` leaves out what states more, as ``reconstruct`` does.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from turnscan.rig import Pose, Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Bench, SimulationSpec, bench
-from turnscan.surface.clean import drop_islands
+from turnscan.surface.clean import Clean, drop_islands, drop_uncertain
 from turnscan.surface.fusion import MergeMethod, merge
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove", "shaft", "grooves")
@@ -118,6 +119,7 @@ def rows(
     steps: Sequence[int],
     folder: Path,
     calibrated: bool,
+    limit: float | None = None,
 ) -> Iterator[Row]:
     """The table's rows, each scan simulated once."""
     for part, rig, lasers, count in product(parts, rigs, lines, steps):
@@ -126,11 +128,13 @@ def rows(
         ours = _calibrated(made, rig, lasers, folder) if calibrated else made.rig
         with Scan.open(path) as scan:
             seen = tuple(detect_scan(scan, ours, Settings().stripes))
-        grids = to_grids(seen, Settings()).grids
+        grids = to_grids(seen, Settings(clean=Clean(sigma=limit))).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         for way in WAYS if lasers > 1 else ("paste",):
             mesh, _ = merge(grids, how=way)
+            if limit is not None:
+                mesh, _ = drop_uncertain(mesh, limit)
             mesh, _ = cut_touching(mesh)
             mesh, _, _ = drop_islands(mesh, None, grids)
             name = f"{part}, {rig}{KNOWN[calibrated]}"
@@ -161,13 +165,17 @@ def run(
     rigs: Sequence[str] = RIGS,
     lasers: Sequence[int] = LASERS,
     steps: Sequence[int] = STEPS,
+    limit: float | None = None,
 ) -> None:
-    """Print every row as it is measured, and put it into the page."""
+    """Print every row as it is measured, and put it into the page.
+
+    ``limit`` mm leaves out what states more sigma; such rows are for no page.
+    """
     order = [f"{part}, {rig}{more}" for rig in RIGS for part in PARTS for more in KNOWN]
     with _keep.folder(keep) as folder:
         rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
         print("\n".join(HEAD))
-        for one in rows(parts, rigs, lasers, steps, folder, calibrated):
+        for one in rows(parts, rigs, lasers, steps, folder, calibrated, limit):
             lines = _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
             print(lines[0], flush=True)
             if into_pages:
@@ -185,9 +193,12 @@ def main() -> None:
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--lasers", type=int, nargs="+", default=LASERS, help="so many lines")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
+    parser.add_argument("--largest-sigma", type=float, help="mm: leave out what states more")
     given = parser.parse_args()
+    if given.write and given.largest_sigma is not None:
+        parser.error("--write puts rows of everything that is measured into the page")
     some = given.parts, given.rigs, given.lasers, given.steps
-    run(given.quick, given.write, given.keep, given.calibrated, *some)
+    run(given.quick, given.write, given.keep, given.calibrated, *some, given.largest_sigma)
 
 
 if __name__ == "__main__":

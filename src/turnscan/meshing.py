@@ -49,6 +49,9 @@ def to_mesh(
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
     give_back()
+    if s.clean is not None and s.clean.sigma is not None:
+        merged, uncertain = clean.drop_uncertain(merged, s.clean.sigma)
+        findings += uncertain
     loose, touching = cut_touching(merged)
     mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:

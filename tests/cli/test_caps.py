@@ -87,5 +87,6 @@ def test_only_small_holes_are_filled_and_the_marks_are_in_the_file(tmp_path: Pat
     assert "1 gap(s) up to" in result.stderr, "a sheet cannot be closed by one that lies on it"
     (border,) = holes(read_mesh(out.read_bytes(), ".ply"))
     assert border.size > 40
-    with pytest.raises(InputError, match=r"--top: no effect on .*a\.conf"):
-        CliRunner().invoke(verb, [*words, "--close", "--top", "fan"], catch_exceptions=False)
+    for idle in (["--close", "--top", "fan"], ["--largest-sigma", "1"], ["--refine", "auto"]):
+        with pytest.raises(InputError, match=rf"{idle[-2]}: no effect on .*a\.conf"):
+            CliRunner().invoke(verb, [*words, *idle], catch_exceptions=False)

@@ -97,6 +97,11 @@ def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_pa
     assert len(calm.vertices) == len(plain.vertices)
     off = np.linalg.norm(calm.vertices - plain.vertices, axis=1)
     assert 0 < off.max() <= 2.0001 * plain.provenance.sigma.max()
+    limit = float(np.quantile(plain.provenance.sigma, 0.9))
+    sure, told, _ = made("--largest-sigma", limit)
+    assert told["parameters"]["clean"]["sigma"] == limit
+    assert sure.provenance.sigma.max() <= limit
+    assert 0 < len(sure.vertices) < 0.91 * len(plain.vertices)
     few, _, result = made("--close", "--decimate", "0.02mm")
     whole, _, _ = made("--close")
     assert few.volume == pytest.approx(whole.volume, rel=1e-3)

@@ -32,6 +32,7 @@ SETTINGS = [
     {"z_min": 5.0, "z_max": 35.0, "radius": 40.0},
     {"denoise": 2.0, "outliers": 8.0, "keep_strays": True},
     {"merge": "tsdf", "voxel": 2.0, "island": 10},
+    {"largest_sigma": 0.2},
     {"close": True, "top": "fan"},
     {"close": True, "decimate": "0.05mm"},
 ]

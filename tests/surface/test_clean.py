@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from turnscan.points import RangeGrid
 from turnscan.stripes import StripeFlag
-from turnscan.surface.clean import Clean, clean
+from turnscan.surface import mesh_grid
+from turnscan.surface.clean import Clean, clean, drop_uncertain
 
 
 def wall(steps: int = 40, lines: int = 50, noise: float = 0.01, seed: int = 0) -> RangeGrid:
@@ -70,6 +71,60 @@ def test_a_spike_one_line_wide_goes():
     out, _ = clean(moved(grid, spike, 15.0), Clean(edge=0))
     assert not out.found[spike].any()
     assert out.found[~spike].all()
+
+
+def doubted(grid: RangeGrid, where: object, sigma: float) -> RangeGrid:
+    """The grid with that sigma at some points."""
+    out = grid.sigma.copy()
+    out[where] = sigma
+    return replace(grid, sigma=out)
+
+
+def test_points_above_the_uncertainty_that_is_wanted_go_and_no_others():
+    grid = doubted(wall(120), (slice(10, 40), slice(20, 30)), 0.3)
+    unknown = doubted(grid, (slice(60, 70), slice(20, 30)), np.nan)
+    kept, none = clean(unknown)
+    assert kept.found.all()
+    assert none == [], "300 of 5900 are not many"
+    kept, (said,) = clean(unknown, Clean(sigma=0.299))
+    assert (~kept.found).sum() == 300
+    assert (kept.flags[10:40, 20:30] == StripeFlag.EDGE).all()
+    assert said.message.startswith("300 points of a standard uncertainty above 0.299 mm")
+    kept, none = clean(unknown, Clean(sigma=0.3))
+    assert kept.found.all()
+    assert none == [], "as much as is wanted, and no more"
+
+
+@pytest.mark.parametrize(("rows", "named"), [(4, False), (7, True)])
+def test_many_points_of_a_large_sigma_are_named(rows, named):
+    """From a tenth of the points on, with a limit that leaves the usual ones."""
+    grid = doubted(wall(60), (slice(None), slice(0, rows)), 0.3)
+    _, findings = clean(grid)
+    assert [f.code for f in findings] == ["surface.uncertain"] * named
+    for said in findings:
+        assert said.message.startswith("14% of the points")
+        (option,) = said.remedy.options
+        assert (option.name, option.value) == ("largest_sigma", 0.05)
+        assert clean(grid, Clean(sigma=option.value))[0].found.sum() == 60 * (50 - rows)
+
+
+def test_faces_at_vertices_above_the_uncertainty_that_is_wanted_go():
+    mesh = mesh_grid(wall(60))
+    p = mesh.provenance
+    assert p is not None
+    sigma = p.sigma.copy()
+    sigma[::7] = 0.3
+    sigma[3::7] = np.nan
+    doubtful = replace(mesh, provenance=replace(p, sigma=sigma))
+    left, (said,) = drop_uncertain(doubtful, 0.2)
+    wanted = ~(sigma > 0.2)[mesh.faces].any(axis=1)
+    assert len(left.faces) == wanted.sum() > 0
+    assert not (left.provenance.sigma > 0.2).any()
+    assert np.isnan(left.provenance.sigma).any(), "what states no sigma stays"
+    assert f"{(sigma > 0.2).sum()} merged vertices" in said.message
+    for same in (drop_uncertain(doubtful, 0.3), drop_uncertain(replace(mesh, provenance=None), 0)):
+        assert len(same[0].faces) == len(mesh.faces)
+        assert same[1] == []
 
 
 def test_mixed_pixels_go_where_the_light_ends_one_sidedly():

@@ -262,6 +262,7 @@ def test_settings_are_tried_while_edits_go_on_and_bad_ones_are_refused(server: R
             ({"every": 24}, "every", "1 profile is left, and a surface needs two"),
             ({"spacing_between": "400deg"}, "spacing_between", "1 profile is left"),
             ({"outliers": 1e-6}, "outliers", "no point is left of the stripes in 24 pictures"),
+            ({"largest_sigma": 1e-6}, "largest_sigma", "no point is left of the stripes"),
             ({"merge": "tsdf", "voxel": 1000.0}, "voxel", "form no surface"),
         ):
             none = attempt(empty)

@@ -22,7 +22,7 @@ ONLY_COMMAND_LINE = {
     "range-scans": {
         "rig_path", "base", "name", "edits", "strategy", "choose", "refine", "threshold", "spacing",
         "spacing_by", "spacing_between", "every", "radius", "z_min", "z_max", "top", "bottom",
-        "denoise", "outliers",
+        "denoise", "outliers", "largest_sigma",
     },
     "calibrate": {"as_json"},
     "join": {"base"},

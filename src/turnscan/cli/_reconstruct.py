@@ -14,11 +14,6 @@ from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
 from turnscan.errors import InputError
 
-_OF_PICTURES = (
-    "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "spacing_between",
-    "every", "radius", "z_min", "z_max", "top", "bottom", "denoise", "outliers",
-)  # fmt: skip
-"""Options about stripes, the table or the rig: range scans have none of these."""
 _path = click.Path(path_type=Path)
 
 
@@ -66,7 +61,7 @@ def verb(
     is 1 where one is an error, and then nothing but the report is written.
     """
     ranges = source.suffix.lower() == ".conf"
-    idle = given(*(_OF_PICTURES if ranges else ("unit",)))
+    idle = given(*(_of_pictures() if ranges else workflows.declared(workflows.RangeScanOptions)))
     if idle:
         said = f"{', '.join(idle)}: no effect on {source}"
         raise InputError(said, hint="leave it out")
@@ -89,3 +84,10 @@ def verb(
     if chosen is None:
         show_own(result)
     show_result(result, outputs, reports, formats)
+
+
+def _of_pictures() -> list[str]:
+    """Parameters about stripes, the table or the rig: range scans have none of these."""
+    has = dict(workflows.VERBS["range-scans"].declared)
+    options = workflows.declared(workflows.ReconstructOptions)
+    return ["rig_path", *(name for name in options if name not in has)]

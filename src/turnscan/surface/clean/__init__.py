@@ -6,6 +6,7 @@ from turnscan.surface.clean._despike import despike
 from turnscan.surface.clean._islands import drop_islands, long_islands
 from turnscan.surface.clean._settle import settled
 from turnscan.surface.clean._smooth import smooth, spikes
+from turnscan.surface.clean._uncertain import drop_uncertain
 
 __all__ = [
     "Clean",
@@ -13,6 +14,7 @@ __all__ = [
     "denoise",
     "despike",
     "drop_islands",
+    "drop_uncertain",
     "long_islands",
     "settled",
     "smooth",

@@ -171,6 +171,15 @@ class ReconstructOptions(Checked):
         unit="sigma",
         group="Clean-up",
     )
+    largest_sigma: float | None = option(
+        None,
+        "number",
+        "Leave out points and vertices of a larger standard uncertainty, mm; holes stay there.",
+        least=0,
+        above=True,
+        unit="mm",
+        group="Clean-up",
+    )
     keep_strays: bool = option(
         False, "switch", "Keep isolated points, which lie on no surface.", group="Clean-up"
     )
@@ -272,7 +281,7 @@ class ReconstructOptions(Checked):
         from turnscan.stripes import StripeSettings
         from turnscan.surface.clean import Clean
 
-        clean = Clean(edge=self.edge, outlier=self.outliers)
+        clean = Clean(edge=self.edge, outlier=self.outliers, sigma=self.largest_sigma)
         fewer = Decimation() if self.decimate is None else decimation(self.decimate)
         between = self.spacing_between
         return Settings(

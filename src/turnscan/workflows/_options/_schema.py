@@ -40,6 +40,7 @@ _SURFACE: tuple[FileKind, ...] = ("mesh", "scan")
 _OF_PICTURES = (
     "strategy", "choose", "refine", "threshold", "spacing", "spacing_by", "spacing_between",
     "every", "radius", "z_min", "z_max", "top", "bottom", "denoise", "outliers",
+    "largest_sigma",
 )  # fmt: skip
 """Options about stripes, the table or the rig: range scans have none of these."""
 

@@ -15,8 +15,8 @@ from turnscan.workflows._options._reconstruct import ReconstructOptions
 _STRIPES = ("threshold", "radius", "z_min", "z_max", "strategy", "choose", "refine")
 """What stripes depend on; what takes most away stands first."""
 _PROFILES = ("every", "spacing_between")
-_POINTS = ("outliers", "edge", "radius", "z_min", "z_max", "denoise", *_PROFILES)
-_FACES = ("voxel", *_PROFILES, "spacing", "merge", "edge", "outliers")
+_POINTS = ("outliers", "largest_sigma", "edge", "radius", "z_min", "z_max", "denoise", *_PROFILES)
+_FACES = ("voxel", *_PROFILES, "spacing", "merge", "edge", "outliers", "largest_sigma")
 
 
 @dataclass(frozen=True)
