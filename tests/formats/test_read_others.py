@@ -15,8 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.formats.parts import box_with_hole, measured, outside
+from turnscan.arrays import Floats
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.formats import EXPORTERS, ExportOptions, export, read_mesh
+from turnscan.mesh import is_closed
 
 
 def test_files_of_others_are_read_or_refused_by_name(shared_data: Path) -> None:
@@ -60,6 +62,53 @@ end_header
 4 0 1 2 3 0.5
 3 0 1 4 .25
 """
+
+
+@pytest.mark.parametrize("name", ["angle_block", "featuretype", "idler_riser", "octagonal_pocket"])
+def test_parts_of_cad_programs_are_closed(shared_data: Path, name: str) -> None:
+    """Their zeros are 0 in one triangle and 6e-17 in the next."""
+    (path,) = (p for p in (shared_data / "parts").glob(f"{name}.*") if p.suffix.lower() == ".stl")
+    assert is_closed(read_mesh(path.read_bytes(), ".stl"))
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 254.0, 1e6]))
+@settings(max_examples=30, deadline=None)
+@pytest.mark.parametrize("suffix", [".stl", ".dxf"])
+def test_what_rounding_leaves_of_a_zero_tears_nothing(suffix: str, seed: int, size: float) -> None:
+    """Of a soup in any unit; what differs by more than rounding stays apart."""
+    draw, box = np.random.default_rng(seed), box_with_hole()
+    corners = box.triangles.reshape(-1, 3)
+    corners = (corners - corners.min(axis=0)) * (size / np.abs(corners).max())
+    rest = draw.uniform(-1, 1, corners.shape) * 10.0 ** draw.uniform(-18, -13) * size
+    noisy = np.where(corners == 0, rest, corners)
+    read = read_mesh(_soup(noisy, suffix), suffix)
+    assert is_closed(read)
+    assert len(read.vertices) == len(box.vertices)
+    assert np.abs(read.triangles.reshape(-1, 3) - noisy).max() < 1e-6 * size
+    apart = np.where(corners == 0, draw.choice([0.0, 1e-11], corners.shape) * size, corners)
+    assert len(read_mesh(_soup(apart, suffix), suffix).vertices) > len(box.vertices)
+
+
+def _soup(corners: Floats, suffix: str) -> bytes:
+    """Loose triangles with every digit, (3f, 3) corners."""
+    if suffix == ".stl":
+        faces = "".join(
+            "facet normal 0 0 0\nouter loop\n"
+            + "".join(f"vertex {x!r} {y!r} {z!r}\n" for x, y, z in face.tolist())
+            + "endloop\nendfacet\n"
+            for face in corners.reshape(-1, 3, 3)
+        )
+        return f"solid soup\n{faces}endsolid soup\n".encode()
+    faces = "".join(
+        "0\n3DFACE\n8\n0\n"
+        + "".join(
+            f"{10 * (axis + 1) + k}\n{face[min(k, 2)][axis]!r}\n"
+            for k in range(4)
+            for axis in range(3)
+        )
+        for face in corners.reshape(-1, 3, 3).tolist()
+    )
+    return f"0\nSECTION\n2\nENTITIES\n{faces}0\nENDSEC\n0\nEOF\n".encode()
 
 
 def test_ply_with_polygons_and_other_elements() -> None:

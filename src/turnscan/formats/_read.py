@@ -11,6 +11,8 @@ from turnscan.mesh import Mesh
 
 MAX_FACES = 50_000_000
 """Triangles (and entities, and a third of the vertices) that a file may hold."""
+_ZERO = 1e-12
+"""Part of a mesh's largest coordinate that is nothing but what rounding leaves of a zero."""
 MAX_HEADER = 1 << 16
 """Bytes of a PLY header."""
 Text = npt.NDArray[np.uint8]
@@ -100,10 +102,13 @@ def triangles(kind: str, lists: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 def soup(kind: str, corners: Floats) -> Mesh:
     """Return the mesh of loose triangles, (3f, 3) corners; equal corners become one vertex.
 
-    Vertices are in the order in which they first appear.
+    So do those that differ by what rounding leaves of a zero: of one corner a CAD program may write
+    0 in one triangle and 6e-17 in the next. Vertices are in the order in which they first appear.
     """
     from turnscan.formats._read_kernels import merge
 
-    points = checked(kind, corners) + 0.0  # makes -0.0 and 0.0 the same bits
-    first, number = merge(points.view(np.uint64))
-    return Mesh(points[first], number.reshape(-1, 3))
+    points = checked(kind, corners)
+    size = float(max(points.max(), -points.min())) if len(points) else 0.0
+    zero = (points < _ZERO * size) & (points > -_ZERO * size)
+    first, number = merge(np.where(zero, 0.0, points).view(np.uint64))  # -0.0 has other bits
+    return Mesh(points[first] + 0.0, number.reshape(-1, 3))
