@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench.foreign import SHAPES, Errors, drawn, put_together, row, together
+from manifold3d import Manifold
 
-from turnscan.mesh import is_closed
+from turnscan.formats import write_stl
+from turnscan.mesh import Mesh, is_closed
 from turnscan.simulate import SimulationSpec
 
 STEPS = 40
@@ -24,6 +26,26 @@ def test_points_and_merged_surface_keep_their_word(tmp_path: Path) -> None:
         # Neither too sure of itself nor so wide that it says nothing.
         assert 0.6 < errors.ratio < 1.3
     assert found.complete > 0.85
+
+
+@pytest.mark.parametrize(
+    ("height", "rig"), [(3.3, "paper"), (4.5, "paper"), (9.0, "paper"), (3.3, "modern")]
+)
+def test_low_parts_know_how_far_their_points_scatter(
+    tmp_path: Path, height: float, rig: str
+) -> None:
+    """Of 3 to 20 lines to a profile none has enough to tell its scatter, and speckle makes six
+    times the noise that the photons explain."""
+    prism = Manifold.cylinder(height, 18.0, 18.0, 6).to_mesh()
+    low = Mesh(np.array(prism.vert_properties[:, :3], np.float64), np.array(prism.tri_verts))
+    path = tmp_path / "low.stl"
+    path.write_bytes(write_stl(low))
+    found = row(SimulationSpec(str(path), rig, lasers=2, steps=STEPS), "low", tmp_path)
+    assert len(found.single.off) > 4 * STEPS
+    for errors in (found.single, found.merged):
+        assert errors.invented == 0
+        assert 0.5 < errors.ratio < 1.3
+        assert errors.beyond < 0.02
 
 
 @pytest.mark.parametrize("seed", [seed for name, seed in SHAPES if name == "put-together"])

@@ -171,11 +171,25 @@ def test_a_point_s_own_noise_is_its_stripe_s_and_stays_through_parts_of_a_grid()
 def test_a_halo_is_answered_by_what_was_not_done(strategy, advised, word):
     found = plain_grid(np.zeros((2, 2, 3)))
     found = replace(found, flags=np.full((2, 2), StripeFlag.HALO, np.uint16))
-    remedy = grid_findings(found, found, Volume(), strategy)[1].remedy
+    said = grid_findings(found, found, Volume(), strategy)
+    (remedy,) = (f.remedy for f in said if f.code == "points.halo")
     assert word in str(remedy)
     assert "matting spray" in str(remedy)
     options = remedy.options if isinstance(remedy, Remedy) else ()
     assert [(o.name, o.value) for o in options] == [("strategy", "blais-rioux")] * advised
+
+
+@pytest.mark.parametrize(("lines", "said"), [(3, True), (4, True), (5, False)])
+def test_profiles_too_low_to_tell_their_noise_are_named(lines, said):
+    """Twenty times four lines in a row tell it: in 19 profiles, of five points each."""
+    points = np.full((19, 9, 3), np.nan)
+    points[:, 2 : 2 + lines] = 1.0
+    found = plain_grid(points)
+    named = [f for f in grid_findings(found, found, Volume()) if f.code == "points.few-lines"]
+    assert len(named) == said
+    assert all(f"at most {lines} points" in f.message for f in named)
+    refined = replace(found, flags=np.where(found.found, StripeFlag.REFINED, 1).astype(np.uint16))
+    assert not any(f.code == "points.few-lines" for f in grid_findings(refined, refined, Volume()))
 
 
 def test_an_unsure_angle_of_the_table_is_in_the_sigma_of_what_it_carries_off_its_surface():

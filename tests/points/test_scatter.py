@@ -103,6 +103,56 @@ def test_a_picture_of_few_lines_has_the_scatter_of_those_about_it(flags: int) ->
     assert np.isnan(sigma[7, 12:]).all()
 
 
+@pytest.mark.parametrize("lines", [4, 6, 9, 15, 22])
+@pytest.mark.parametrize("count", [24, 60])
+def test_pictures_none_of_which_has_lines_enough_know_it_together(lines: int, count: int) -> None:
+    """A low part: each stripe is a few lines high, and lies on a surface of its own slope."""
+    noise, true = np.random.default_rng(100 * lines + count), 0.01
+    stripes = [low(true, noise, lines) for _ in range(count)]
+    found = np.nanmean(pooled(stripes) ** 2 - NOISE**2) / WIDTH
+    # Differences that share lines are not independent: 2.5 / sqrt(n) is half of what it may be off.
+    unsure = 2 * 2.5 / np.sqrt(count * (lines - 3))
+    assert -1.5 * unsure < found / true - 1 < 2.5 * unsure, "with its own uncertainty, once"
+
+
+def test_a_surface_that_bends_within_few_lines_is_not_taken_for_scatter() -> None:
+    noise, true = np.random.default_rng(8), 0.01
+    stripes = [low(true, noise, 20, bend=0.3) for _ in range(60)]
+    found = np.nanmean(pooled(stripes) ** 2 - NOISE**2) / WIDTH
+    assert found / true < 1.5
+
+
+def test_where_no_lines_tell_sigma_is_a_quarter_of_the_width() -> None:
+    noise = np.random.default_rng(9)
+    stripes = [low(0.01, noise, 3) for _ in range(60)]
+    sigma = pooled(stripes)[:, :3]
+    assert sigma == pytest.approx(np.sqrt(NOISE**2 + (0.25 * WIDTH) ** 2))
+
+
+def test_one_picture_that_tells_does_not_speak_for_those_far_off() -> None:
+    noise = np.random.default_rng(10)
+    stripes = [low(0.01, noise, 12) for _ in range(60)]
+    stripes[7] = stripe(0.04)
+    sigma = pooled(stripes)[:, 0]
+    assert sigma[10] ** 2 - NOISE**2 == pytest.approx(0.04 * WIDTH, rel=0.01)
+    assert sigma[40] ** 2 - NOISE**2 == pytest.approx(0.01 * WIDTH, rel=0.5)
+
+
+def low(per_width: float, noise: np.random.Generator, lines: int, bend: float = 0.0) -> Stripe:
+    """A stripe of so many lines, too few to tell its own scatter, that bends by ``bend`` px from
+    its middle to its ends."""
+    whole = drawn(per_width, noise)
+    one = np.where(np.arange(LINES) < lines, 1.0, np.nan)
+    along = np.linspace(-1, 1, lines)
+    shape = np.zeros(LINES)
+    shape[:lines] = noise.normal() * along + bend * along**2
+    bare = Stripe(
+        whole.position + shape * one, NOISE * one, 80 * one, WIDTH * one, np.zeros(LINES, np.uint16)
+    )
+    sigma = scattered(bare)
+    return replace(bare, sigma=sigma, scatter=np.nan)
+
+
 def test_centres_of_other_origin_and_lone_pictures_stay_as_they_are() -> None:
     stripes = [stripe(0.01 + 0.002 * (k % 2)) for k in range(60)]
     for k, flag in ((4, StripeFlag.HAND), (5, StripeFlag.REFINED)):

@@ -20,6 +20,9 @@ _SHARE = 0.05
 _UNLIKE = 1.5
 """Times: two thicknesses of one sheet agree within it. Widths tell it to a tenth (simulated parts),
 boards to a quarter."""
+_TELL = 20
+"""Times that four lines must follow each other to tell how far centres scatter (`stripes.scatter`).
+"""
 _RESOLVED = 4.0
 """Thicknesses (rms) of the light, nearly all of it: what is narrower lies in it as a whole."""
 _UNEVEN = 0.2
@@ -81,6 +84,7 @@ def grid_findings(
         )
     ]
     out += _thickness_findings(grid.thickness, stated, where)
+    out += _few_lines_findings(grid, where)
     out += _detail_findings(grid, grid.thickness or stated or 0.0, where)
     flags = clipped.flags[clipped.found]
     for bit, word, what, remedy in _WORDS:
@@ -110,6 +114,20 @@ def _thickness_findings(seen: float, stated: float | None, where: str) -> list[F
         "another focus or another laser"
     )
     return [Finding("points.sheet-thickness", "warning", text, where, remedy)]
+
+
+def _few_lines_findings(grid: RangeGrid, where: str) -> list[Finding]:
+    """Whether sigma had to be assumed, for profiles too low to show how far centres scatter."""
+    found = grid.found & ((grid.flags & (StripeFlag.REFINED | StripeFlag.HAND)) == 0)
+    alike = found[:, 3:] & found[:, 2:-1] & found[:, 1:-2] & found[:, :-3]
+    if alike.sum() >= _TELL or not found.any():
+        return []
+    text = (
+        f"profiles of at most {int(found.sum(axis=1).max())} points do not tell how far centres "
+        "scatter: sigma is taken as a quarter of the stripes' width"
+    )
+    remedy = "to know it better, move the camera nearer, or stand the part up"
+    return [Finding("points.few-lines", "note", text, where, remedy)]
 
 
 def _detail_findings(grid: RangeGrid, thickness: float, where: str) -> list[Finding]:

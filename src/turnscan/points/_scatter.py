@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from turnscan.arrays import Flags, Floats
-from turnscan.stripes import Stripe, StripeFlag
+from turnscan.arrays import Bools, Flags, Floats
+from turnscan.stripes import Stripe, StripeFlag, scatter_together
 
 _FRAMES, _TURN = 8, np.pi / 4
 """Pictures before and after, at most, and the turn, rad, within which speckle is alike."""
 _OF_MEDIAN = 2.5
 """Uncertainty of a variance from the median of n squares, as a part, times √n."""
+_ASSUMED = 0.25
+"""Part of a stripe's width (rms) that its sigma is where nothing tells how centres scatter: speckle
+makes 0.07 to 0.22 of it on the rigs that were tried."""
 _TWICE = 2.0
 """Of those by which centres further apart scatter more than nearer ones, so that these share it."""
 _DIFFERS = 3.0
@@ -29,11 +32,12 @@ def pooled_sigma(
     some of their lines, in scan order at angles ``turns`` (s,) rad; a ``closed`` turn goes on
     at its first. A single picture knows its scatter to a sixth or worse (`Stripe.scatter`), and
     takes the largest of three. It has that of those about it instead (`_together`), where its own
-    does not surely differ; else the nearest value that its own allows. What was set by hand, or
-    refined, stays.
+    does not surely differ; else the nearest value that its own allows. Where none about it has
+    lines enough to tell, it has that of all lines of all pictures (`of_few_lines`). What was set
+    by hand, or refined, stays.
     """
     own = np.array([s.scatter for s in stripes])
-    if not (own > 0).any():
+    if not (np.isnan(own) | (own > 0)).any():
         return sigma
     clean = ((flags & ~np.uint16(StripeFlag.MULTI)) == 0) & (width > 0)
     count = np.array([s.found.sum() for s in stripes])
@@ -42,7 +46,9 @@ def pooled_sigma(
     share = np.where(clean, sigma**2 / np.where(clean, width, 1.0), 0.0)
     whole = share.sum(axis=1) / np.maximum(clean.sum(axis=1), 1)
     photons = np.maximum(whole - own, 0.0)
-    mean = _together(stripes, photons, turns, closed)
+    mean, told = _together(stripes, photons, turns, closed)
+    if not told.all():
+        mean = np.where(told, mean, of_few_lines(stripes))
     unsure = _DIFFERS * _OF_MEDIAN / np.sqrt(np.maximum(count, 1))
     least = np.maximum((photons + own) / (1 + unsure) - photons, 0.0)
     most = np.where(unsure < 1, (photons + own) / np.maximum(1 - unsure, 1e-9) - photons, np.inf)
@@ -53,9 +59,26 @@ def pooled_sigma(
     return np.where(single & (width > 0), raised, sigma)
 
 
-def _together(stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed: bool) -> Floats:
+def of_few_lines(stripes: Sequence[Stripe]) -> float:
+    """px² for each px of width: the scatter of those pictures that have no lines enough to tell.
+
+    That of all their lines, or of all there are; where these are too few as well, what makes sigma
+    a part of the usual width that is not too small.
+    """
+    for some in ([s for s in stripes if np.isnan(s.scatter)], stripes):
+        found = scatter_together(some) if some else np.nan
+        if not np.isnan(found):
+            return found
+    width = np.concatenate([s.width[s.found] for s in stripes])
+    return _ASSUMED**2 * float(np.median(width)) if len(width) else 0.0
+
+
+def _together(
+    stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed: bool
+) -> tuple[Floats, Bools]:
     """(s,) the scatter of each picture and those about it, from centres as far apart as shows it:
-    further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain."""
+    further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain; and
+    (s,) False where none of these has lines enough to tell."""
     values, counts = (np.stack(some) for some in zip(*(s.scatters() for s in stripes), strict=True))
     # A variance is known as well as all that makes it is small: where photons decide, as in light
     # from the bottom of a gap, a picture says little of what its centres scatter besides. Where
@@ -63,13 +86,14 @@ def _together(stripes: Sequence[Stripe], photons: Floats, turns: Floats, closed:
     usual = float(np.median(values[:, 0]))
     if usual > 0:
         counts = counts / (1.0 + photons / usual)[:, None] ** 2
-    best = np.zeros(len(stripes))
+    best, told = np.zeros(len(stripes)), np.zeros(len(stripes), np.bool_)
     for i in range(values.shape[1]):
         mean, count = _about(values[:, i], counts[:, i], turns, closed)
         unsure = _TWICE * _OF_MEDIAN / np.sqrt(np.maximum(count, 1.0))
         surely = mean > best + unsure * (np.maximum(best, 0.0) + photons)
         best = np.where((count > 0) & (surely | (i == 0)), mean, best)
-    return np.maximum(best, 0.0)
+        told |= count > 0
+    return np.maximum(best, 0.0), told
 
 
 def _about(own: Floats, weight: Floats, turns: Floats, closed: bool) -> tuple[Floats, Floats]:

@@ -113,12 +113,16 @@ class Stripe:
         """
         from turnscan.stripes._choice import LAGS, scatter_by_lag
 
+        values, counts = np.zeros(len(LAGS)), np.zeros(len(LAGS))
+        scatter_by_lag(self.alone(), np.array(self.flags), values, counts)
+        return np.where(counts > 0, values, 0.0), counts
+
+    def alone(self) -> Floats:
+        """(5, n) as `table`, with the sigmas that the photons explain."""
         table = self.table()
         photons = table[1] ** 2 - np.nan_to_num(self.scatter) * table[3]
         table[1] = np.sqrt(np.maximum(photons, 0.0))
-        values, counts = np.zeros(len(LAGS)), np.zeros(len(LAGS))
-        scatter_by_lag(table, np.array(self.flags), values, counts)
-        return np.where(counts > 0, values, 0.0), counts
+        return table
 
     def table(self) -> Floats:
         """(5, n) position, sigma, amplitude, width, halo: a copy."""
