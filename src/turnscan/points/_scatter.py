@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from turnscan.arrays import Bools, Flags, Floats
-from turnscan.stripes import Stripe, StripeFlag, scatter_together
+from turnscan.stripes import Stripe, StripeFlag
 
 _FRAMES, _TURN = 8, np.pi / 4
 """Pictures before and after, at most, and the turn, rad, within which speckle is alike."""
@@ -66,7 +66,7 @@ def of_few_lines(stripes: Sequence[Stripe]) -> float:
     a part of the usual width that is not too small.
     """
     for some in ([s for s in stripes if np.isnan(s.scatter)], stripes):
-        found = scatter_together(some) if some else np.nan
+        found = Stripe.scatter_together(some) if some else np.nan
         if not np.isnan(found):
             return found
     width = np.concatenate([s.width[s.found] for s in stripes])

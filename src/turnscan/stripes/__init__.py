@@ -2,7 +2,7 @@
 
 from turnscan.stripes._background import background_beside, temporal_background, without_lines
 from turnscan.stripes._colour import COLOURS, UINT16_SCALE, learn_colour, project_colour
-from turnscan.stripes._detect import choose, detect, find_candidates, scatter_together, scattered
+from turnscan.stripes._detect import choose, detect, find_candidates, scattered
 from turnscan.stripes._detector import named
 from turnscan.stripes._fuse import fuse_exposures
 from turnscan.stripes._installed import detector_names
@@ -39,7 +39,6 @@ __all__ = [
     "learn_colour",
     "named",
     "project_colour",
-    "scatter_together",
     "scattered",
     "temporal_background",
     "without_lines",

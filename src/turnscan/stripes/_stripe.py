@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import Literal
@@ -116,6 +118,32 @@ class Stripe:
         values, counts = np.zeros(len(LAGS)), np.zeros(len(LAGS))
         scatter_by_lag(self.alone(), np.array(self.flags), values, counts)
         return np.where(counts > 0, values, 0.0), counts
+
+    @staticmethod
+    def scatter_together(stripes: Sequence[Stripe]) -> float:
+        """px² for each px of width: `scatter` of the lines of several pictures together.
+
+        For pictures of few lines: centres are compared that lie in half of the usual lines, for further
+        apart they tell of the part's shape. It is raised by its own standard uncertainty. NaN where
+        they are too few to tell even so.
+        """
+        from turnscan.stripes import _choice as k
+
+        gap = np.full((MEASURES, 1), np.nan)
+        table = np.concatenate([t for s in stripes for t in (s.alone(), gap)], axis=1)
+        flags = np.concatenate([f for s in stripes for f in (s.flags, np.zeros(1, np.uint16))])
+        usual = float(np.median([np.count_nonzero(s.found) for s in stripes]))
+        lags = [lag for lag in k.LAGS if lag == 1 or 2 * (3 * lag + 1) <= usual]
+        for clean in (True, False):
+            found = [k.unexplained(table, flags, lag, clean, -np.inf) for lag in lags]
+            enough = [(value, n) for value, n in found if n >= k.ENOUGH_LINES]
+            best = most = 0.0
+            for value, n in enough:
+                if value > (1.0 + k.SURELY_MORE / math.sqrt(n)) * best:
+                    best, most = value, (1.0 + k.OF_MEDIAN / math.sqrt(n)) * value
+            if enough:
+                return most
+        return math.nan
 
     def alone(self) -> Floats:
         """(5, n) as `table`, with the sigmas that the photons explain."""
