@@ -123,9 +123,9 @@ class Stripe:
     def scatter_together(stripes: Sequence[Stripe]) -> float:
         """px² for each px of width: `scatter` of the lines of several pictures together.
 
-        For pictures of few lines: centres are compared that lie in half of the usual lines, for further
-        apart they tell of the part's shape. It is raised by its own standard uncertainty. NaN where
-        they are too few to tell even so.
+        For pictures of few lines: centres are compared that lie in half of the usual lines, for
+        further apart they tell of the part's shape. It is raised by its own standard uncertainty.
+        NaN where they are too few to tell even so.
         """
         from turnscan.stripes import _choice as k
 
