@@ -31,6 +31,10 @@ PARTS = {
     ),
     # Seen from both sides.
     "thin wall": box((20.0, 1.0, 26.0), (0.0, 0.0, 27.0), 0.3),
+    # Steps of 1.5 mm all round, between two lines each.
+    "collars": union(
+        cylinder(18.0, 0.0, 58.0), *(cylinder(19.5, z, z + 6.3) for z in (10.0, 22.4, 34.7, 47.1))
+    ),
     # Its tip lies between two profiles.
     "ridge": union(cylinder(18.0, 0.0, 58.0), box((5.0, 5.0, 20.0), (17.0, 0.0, 28.0), 0.8)),
 }

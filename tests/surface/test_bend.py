@@ -67,3 +67,34 @@ def test_noise_of_single_points_makes_no_bend() -> None:
     bulge = wall(rim, 0.09, noise).bend * (20.0 * np.deg2rad(3.0)) ** 2 / 8.0
     assert np.std(bulge) < 0.15 * 0.09, "of the noise"
     assert abs(np.mean(bulge) - 0.0069) < 0.003
+
+
+def turned_part(z: np.ndarray, r: np.ndarray, sigma: float, seed: int = 0) -> RangeSurface:
+    """Of revolution: the radius (lines,) mm, 40 profiles all but round, seen level from outside."""
+    phi = np.deg2rad(6.0) * np.arange(40)
+    rim = 100.0 * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+    noise = np.random.default_rng(seed).normal(0.0, sigma, (len(phi), LINES))
+    return wall(rim, sigma, np.asarray(r) - 100.0 + noise)
+
+
+def test_a_step_between_two_lines_is_doubted_where_it_is_and_nowhere_else() -> None:
+    """One of 3 mm: between two rays 0.3 mm apart the surface may go up to 0.3 mm off the chord."""
+    z = 0.3 * np.arange(LINES)
+    ledges = turned_part(z, np.where(z > 2.95, 53.0, 50.0), 0.05).ledges.reshape(-1, LINES)
+    at = int(np.argmax(z > 2.95))
+    np.testing.assert_allclose(ledges[:, at - 1 : at + 1], 0.4 * 0.3, rtol=0.02)
+    elsewhere = np.delete(ledges, [at - 1, at], axis=1)
+    assert (elsewhere > 0).mean() < 0.03, "noise alone makes some"
+
+
+@given(slope=st.floats(-3.0, 3.0), sigma=st.floats(0.01, 0.1), seed=st.integers(0, 99))
+def test_cones_have_no_ledges(slope: float, sigma: float, seed: int) -> None:
+    z = 0.3 * np.arange(LINES)
+    ledges = turned_part(z, 50.0 + slope * z, sigma, seed).ledges
+    assert (ledges > 0).mean() < 0.06, "noise alone makes some"
+
+
+def test_balls_have_none_but_at_their_poles() -> None:
+    z = 0.3 * np.arange(LINES)
+    ball = turned_part(z, 40.0 + np.sqrt(30.0**2 - (z - 3.0) ** 2), 0.03)
+    assert (ball.ledges > 0).mean() < 0.06

@@ -53,7 +53,7 @@ class PolarGrid:
     """(surfaces, s, n) mm along the normal: of that, what averages out."""
     spread: Floats
     """(surfaces, s, n) mm along the normal: that and what the surface may do between its
-    profiles."""
+    profiles and lines."""
     bend: Floats
     """(surfaces, s, n) mm along the normal: the same, but for edges between profiles."""
     source: Ints
@@ -109,6 +109,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         more = kernels.raster(
             Vertices(X, s.sigma, between[i][1], s.ranks, s.noise(most), s.bend),
             between[i][0],
+            s.ledges,
             _turns(X),
             np.maximum(s.cosine, 0.05),
             s.mesh.faces,

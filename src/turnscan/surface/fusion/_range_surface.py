@@ -27,6 +27,11 @@ _EVEN, _EVEN_ELSE = 6.0, 10.0
 where slight edges are looked for by themselves."""
 _BULGE = 0.3
 """Part of a chord's sagitta that is doubted where it is made up for on an evenly bent surface."""
+_LEDGE = 2.5
+"""Times what noise makes of it, by which one chord on a profile leads deeper than that beside it,
+where they are two faces that meet."""
+_CORNER = 0.4
+"""Part of how far the corner of two rays lies off a chord, one standard deviation."""
 _ALONG = 4
 """Times that what is known of a bend is averaged over neighbours on the profile."""
 _MEAN = 0.41
@@ -90,6 +95,18 @@ class RangeSurface:
         return before, after
 
     @cached_property
+    def beside(self) -> tuple[Ints, Ints]:
+        """(v,) twice: the vertex on the line before and after of the same profile; −1: none.
+
+        Raises TypeError for a mesh that does not know its lines.
+        """
+        from turnscan.surface.fusion import _overlap_kernels as kernels
+
+        lines = np.unique(self._known().line, return_inverse=True)[1].astype(np.int32)
+        below, above = kernels.next_profile(self.mesh.faces, lines, self.ranks)
+        return below, above
+
+    @cached_property
     def bend(self) -> Floats:
         """(v,) 1/mm: how the surface bends from profile to profile, positive where it bulges; 0
         where nothing is known of it, and beside an edge.
@@ -101,12 +118,10 @@ class RangeSurface:
         Raises TypeError for a mesh that does not know its steps.
         """
         from turnscan.surface.fusion import _bend_kernels as bends
-        from turnscan.surface.fusion import _overlap_kernels as kernels
 
-        p, mesh = self._known(), self.mesh
+        mesh = self.mesh
         before, after = self.neighbours
-        lines = np.unique(p.line, return_inverse=True)[1].astype(np.int32)
-        below, above = kernels.next_profile(mesh.faces, lines, self.ranks)
+        below, above = self.beside
         n = bends.along(np.nan_to_num(vertex_normals(mesh)), below, above, _ALONG)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12)
         found = bends.curvatures(mesh.vertices, n, self.noise(np.inf), before, after)
@@ -144,6 +159,29 @@ class RangeSurface:
             off = np.maximum(off, np.minimum(self._creases(second, slight, ends), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+
+    @cached_property
+    def ledges(self) -> Floats:
+        """(v,) mm: how far an edge between two lines may stand off the chords of a profile.
+
+        Between the rays of two lines the surface may go along either and then across. So it lies
+        up to the distance of the rays off their chord, times the cosine of the angle between both;
+        a part of that counts, where one chord leads deeper than that beside it, beyond what noise
+        makes of it. A surface that slopes steadily has no such edge.
+        """
+        X, (below, above) = self.mesh.vertices, self.beside
+        ray = X - self.eyes
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        chord = np.where((above < 0)[:, None], np.nan, X[above] - X)
+        deep = np.einsum("ij,ij->i", chord, ray)
+        long = np.linalg.norm(chord, axis=1)
+        beside = (np.where(k < 0, np.nan, deep[k]) for k in (below, above))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            apart = np.sqrt(np.maximum(long**2 - deep**2, 0.0))
+            off = _CORNER * np.nan_to_num(apart * np.abs(deep) / long)
+            deeper = np.fmax(*(np.abs(deep - o) * (np.abs(deep) > np.abs(o)) for o in beside))
+            off = np.where(deeper > _LEDGE * np.sqrt(6.0) * self.sigma, off, 0.0)
+        return np.maximum(off, np.where(below < 0, 0.0, off[below]))
 
     def _sagitta(self, second: Floats) -> Floats:
         """(v,) mm: of second differences (v,), beyond what noise makes of them."""

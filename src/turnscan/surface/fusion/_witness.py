@@ -56,10 +56,11 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     what is explained: what the surface may do between its profiles there, and a tenth of ``voxel``
     mm, which the merge itself rounds off. Sigma is no less than how far from the nearest such
     surface a vertex lies beyond what is explained, and takes in how far the merge put it beside
-    all of them. Guessed is a vertex that lies two usual sigma beside every surface; one that stands
-    beside all points that were measured and lies one and a half beside the surfaces, what they may
-    do between their profiles included; and, further than half a voxel from those points, one that
-    has a sigma of three. Loose is another of such a sigma, of what noise makes, that stands beside
+    all of them, and what an edge between two lines may do on the nearest (`ledges`). Guessed is
+    a vertex that lies two usual sigma beside every surface; one that stands beside all points that
+    were measured and lies one and a half beside the surfaces, what they may do between their
+    profiles included; and, further than half a voxel from those points, one that has a sigma of
+    three. Loose is another of such a sigma, of what noise makes, that stands beside
     its nearest measured point. Afar is any other that stands one and a half voxels from all of
     them: a groove may be narrower than the step, of which no chord tells. Its sigma takes in a
     quarter of that way.
@@ -72,10 +73,11 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     usual, sure = float(np.median(every)), usual_sigma(every)
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
     away, least, doubt, reach = np.full((4, len(mesh.vertices)), np.inf)
+    ledge = np.zeros(len(mesh.vertices))
     for s in surfaces:
         # What one surface confirms only from afar, another may confirm from nearby.
         far = (doubt > _CHORD * usual) & (reach > _CLOSE * voxel) | (own > _VAGUE * usual)
-        asked = np.flatnonzero(~out | (away > own) | (least > own) | far)
+        asked = np.flatnonzero(~out | (away > own) | (least > own) | (ledge > 0) | far)
         if not len(asked) or not len(s.mesh.faces):
             continue
         X = np.array(mesh.vertices[asked])
@@ -91,9 +93,12 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
         out[asked[near]] = True
         beyond = np.maximum(off - explained, 0.0)[near]
         away[asked[near]] = np.minimum(away[asked[near]], beyond)
-        least[asked] = np.minimum(least[asked], off)
         ends = s.mesh.vertices[corners]
-        chord = between * _half_way(foot, ends, s.ranks[corners])
+        share = _shares(foot, ends)
+        nearest = off < least[asked]
+        ledge[asked[nearest]] = (share * s.ledges[corners]).sum(axis=1)[nearest]
+        least[asked] = np.minimum(least[asked], off)
+        chord = between * _half_way(share, s.ranks[corners])
         doubt[asked] = np.minimum(doubt[asked], chord + off)
         closest = np.linalg.norm(ends - X[:, None], axis=2).min(axis=1)
         reach[asked] = np.minimum(reach[asked], closest)
@@ -105,16 +110,23 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     afar = (reach > _AFAR * voxel) & ~guessed
     loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed & ~afar
     sigma = np.maximum(np.hypot(own, beside), away)
+    sigma = np.hypot(sigma, ledge)
     sigma[afar] = np.hypot(sigma[afar], reach[afar] / _UNKNOWN)
     return Witness(out, sigma, guessed, loose, afar)
 
 
-def _half_way(places: Floats, ends: Floats, ranks: Ints) -> Floats:
-    """(m,) how much of what a surface may do between two profiles counts at ``places`` (m, 3) in
-    faces (m, 3, 3) with vertices on the profiles ``ranks`` (m, 3): 0 on them, 1 half-way."""
+def _shares(places: Floats, ends: Floats) -> Floats:
+    """(m, 3) how much of each vertex counts at ``places`` (m, 3) in faces (m, 3, 3); 0 of all in
+    faces without area."""
     import igl
 
     a, b, c = (np.ascontiguousarray(ends[:, k]) for k in range(3))
-    share = igl.barycentric_coordinates(np.ascontiguousarray(places), a, b, c)
-    part = np.clip((share * (ranks == ranks[:, :1])).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.nan_to_num(4.0 * part * (1.0 - part)))
+    shares = igl.barycentric_coordinates(np.ascontiguousarray(places), a, b, c)
+    return np.asarray(np.nan_to_num(shares))
+
+
+def _half_way(shares: Floats, ranks: Ints) -> Floats:
+    """(m,) how much of what a surface may do between two profiles counts at places of these
+    ``shares`` (m, 3) of vertices on the profiles ``ranks`` (m, 3): 0 on them, 1 half-way."""
+    part = np.clip((shares * (ranks == ranks[:, :1])).sum(axis=1), 0.0, 1.0)
+    return np.asarray(4.0 * part * (1.0 - part))
