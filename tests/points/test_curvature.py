@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from turnscan.points._curvature import curvature_shift
+from turnscan.points._curvature import curvature_shift, thin_doubt
 from turnscan.points._lit_points import LitPoints
 
 THICK = 0.6
@@ -223,3 +223,39 @@ def test_a_turn_of_few_steps_comes_to_an_end(steps: int) -> None:
     moved = curvature_shift(light, THICK)
     if steps < 4:
         assert np.all(np.isnan(moved) | (moved == 0.0))
+
+
+@given(radius=st.floats(0.2, 6.0), steps=st.integers(24, 120))
+def test_a_pin_is_doubted_by_what_its_curve_would_shift_and_no_more_than_it_is_thick(radius, steps):
+    light = ring(np.full(steps, radius))
+    doubt = thin_doubt(light, THICK)
+    if radius < 3.99 * THICK:
+        assert doubt == pytest.approx(0.7 * min(radius, 1.5 * THICK**2 / radius))
+    elif radius > 4.01 * THICK:
+        assert not doubt.any()
+
+
+@pytest.mark.parametrize("beside", [0.0, 0.3, 1.0])
+def test_a_face_that_passes_beside_the_axis_is_not_thin(beside: float) -> None:
+    """It is so near for a few steps alone."""
+    phi = 2 * np.pi * np.arange(100) / 100
+    radius = np.minimum((beside + 0.05) / np.maximum(np.abs(np.cos(phi)), 1e-3), 15.0)
+    radius = np.where(np.cos(phi) > 0, radius, 12.0)
+    assert not thin_doubt(ring(radius), THICK).any()
+
+
+def test_of_a_part_of_a_turn_nobody_knows_how_thin_it_is() -> None:
+    light = ring(np.full(30, 1.5), closed=False)
+    assert not thin_doubt(light, THICK).any()
+    assert not thin_doubt(ring(np.full(30, np.nan)), THICK).any()
+
+
+def ring(radius: np.ndarray, lines: int = 30, *, closed: bool = True) -> LitPoints:
+    """Points so far from the axis, mm, in even steps all round, a line every 0.4 mm."""
+    phi = 2 * np.pi * np.arange(len(radius)) / len(radius)
+    rim = np.stack([radius * np.cos(phi), radius * np.sin(phi)], axis=-1)
+    points = np.empty((len(phi), lines, 3))
+    points[..., :2], points[..., 2] = rim[:, None], 0.4 * np.arange(lines)
+    points[np.isnan(points[..., 0])] = np.nan
+    plain = np.ones(points.shape[:2])
+    return LitPoints(points, np.zeros((len(phi), 3)), points, points, plain, plain, phi, closed)

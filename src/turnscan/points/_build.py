@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Flags, Floats, Singles, handed_over
 from turnscan.errors import InputError
-from turnscan.points._curvature import curvature_shift
+from turnscan.points._curvature import curvature_shift, thin_doubt
 from turnscan.points._grid import RangeGrid, lines_about
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._scatter import pooled_sigma
@@ -205,6 +205,7 @@ def _judged(
     thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
     bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
     bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
+    thin = np.where(bent == 0.0, thin_doubt(seen, thick), 0.0)
     points = np.empty_like(grid.points)
     sigma, more = np.empty_like(grid.sigma), np.empty_like(grid.sigma)
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
@@ -218,7 +219,7 @@ def _judged(
         carried = np.hypot(X[..., 0], X[..., 1]) * shaky[a:b, None] * light.slide[a:b]
         doubt = np.hypot(light.doubt[a:b], _CURVED * bent[a:b])
         points[a:b] = X - along * ((light.shift[a:b] + bent[a:b]) * single[a:b])[..., None]
-        more[a:b] = doubt * single[a:b] * scale[a:b]
+        more[a:b] = np.hypot(doubt * scale[a:b], thin[a:b]) * single[a:b]
         sigma[a:b] = np.sqrt(grid.sigma[a:b] ** 2 + more[a:b] ** 2 + carried**2)
         if common is not None:
             shift = _CURVED * bent[a:b] * single[a:b]

@@ -16,6 +16,10 @@ from turnscan.points._lit_points import LitPoints
 _SPAN = 4.0
 """Thicknesses of the sheet over which the curvature is taken, to either side: as far as its light
 lies. At least a step."""
+_THIN = 0.7
+"""Part of what the whole shift would be at a radius that is doubted where a part is thin."""
+_BESIDE = 8
+"""Lines to either side that tell how thin it is."""
 _WIDEST = 0.5
 """Widths of the stripe beyond which no shift is believed."""
 
@@ -39,9 +43,9 @@ def curvature_shift(light: LitPoints, thickness: float) -> Floats:
     a blur's: q = 3 − 0.609 (σ t·a / c w)², w the stripe's width.
 
     Curvature is taken over ± `_SPAN` σ, and not where the points reach over less than half of that:
-    beside the axis, where no turn carries them that far, it would be their noise. It is steadied
-    along the profile and over the neighbours over and beyond, and counts as far as they have the
-    same: an edge is none.
+    beside the axis, where no turn carries them that far, it would be their noise (`thin_doubt`). It
+    is steadied along the profile and over the neighbours over and beyond, and counts as far as they
+    have the same: an edge is none.
     """
     from turnscan.points import _curvature_kernels as kernels
 
@@ -53,3 +57,28 @@ def curvature_shift(light: LitPoints, thickness: float) -> Floats:
     common = kernels.agreed(kernels.evened(curve), steps, light.closed)
     most = _WIDEST * width
     return np.asarray(np.clip(np.nan_to_num(common) + np.nan_to_num(slant), -most, most))
+
+
+def thin_doubt(light: LitPoints, thickness: float) -> Floats:
+    """(s, n) mm: how far points may lie too deep where a part round the axis is thinner than light
+    of this rms ``thickness`` mm; 0 elsewhere.
+
+    There all sides lie within the light, and no curve is long enough to say how they bend. Their
+    usual distance from the axis all the way round says that they do: 3/2 σ²/R, but no more than R
+    itself. Faces that pass beside the axis are further off it elsewhere.
+    """
+    from scipy import ndimage
+
+    away = np.hypot(light.points[..., 0], light.points[..., 1])
+    out = np.zeros(away.shape)
+    if not light.closed or np.isnan(away).all():
+        return out
+    lines = np.flatnonzero(~np.isnan(away).all(axis=0))
+    usual = np.nanmedian(away[:, lines], axis=0)
+    usual = ndimage.median_filter(usual, 2 * _BESIDE + 1, mode="nearest")
+    thin = usual < _SPAN * thickness
+    if thin.any():
+        radius = np.maximum(usual[thin], 1e-9)
+        depth = np.minimum(radius, 1.5 * thickness**2 / radius)
+        out[:, lines[thin]] = np.where(away[:, lines[thin]] < _SPAN * thickness, _THIN * depth, 0.0)
+    return out
