@@ -152,9 +152,9 @@ def raster(
 ) -> tuple[int, int]:
     """Fill the ``cells`` with the radius of a mesh at every angle and height.
 
-    Between its vertices a face bulges as these bend (`rise`); ``lines`` are
-    how high the lowest cells lie and how far others over each other, mm; ``bends`` (v,) mm what of
-    ``vertices.between`` no edge makes, ``ledges`` (v,) mm what one between two lines does.
+    Between its vertices a face bulges as these bend (`rise`); ``lines`` are how high the lowest
+    cells lie and how far others over each other, mm; ``bends`` (v,) mm what of ``vertices.between``
+    no edge makes, ``ledges`` (v,) mm what one between two lines does.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
     from 0 to 1, the columns ascending. ``limits`` are the mm within which two radii are alike, and
     the turns within which a face that ends beside a column is met at its end. Which counts where a
