@@ -155,11 +155,10 @@ def raster(
     Between its vertices a face bulges as these bend (`rise`); ``lines`` are how high the lowest
     cells lie and how far others over each other, mm; ``bends`` (v,) mm what of ``vertices.between``
     no edge makes, ``ledges`` (v,) mm what one between two lines does.
-    ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
-    from 0 to 1, the columns ascending. ``limits`` are the mm within which two radii are alike, and
-    the turns within which a face that ends beside a column is met at its end. Which counts where a
-    cell is met twice: `_counts`.
-    Returns how many cells were met, and how often at a radius that is not alike.
+    ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, in turns from
+    0 to 1, ascending. ``limits`` are the mm within which two radii are alike, and the turns within
+    which a face that ends beside a column is met at its end. Which counts where a cell is met
+    twice: `_counts`. Returns how many cells were met, and how often at a radius that is not alike.
     """
     points, (bottom, apart), (alike, room) = vertices.points, lines, limits
     flex, steps = vertices.bend, vertices.step
