@@ -244,13 +244,15 @@ def test_a_face_that_passes_beside_the_axis_is_not_thin(beside: float) -> None:
     assert not thin_doubt(ring(radius), THICK).any()
 
 
-def test_of_a_part_of_a_turn_nobody_knows_how_thin_it_is() -> None:
-    light = ring(np.full(30, 1.5), closed=False)
-    assert not thin_doubt(light, THICK).any()
+def test_nothing_is_thin_where_nothing_was_measured() -> None:
+    half = np.where(np.arange(40) < 20, 1.5, np.nan)
+    doubt = thin_doubt(ring(half), THICK)
+    assert (doubt[:20] > 0).all()
+    assert not doubt[20:].any()
     assert not thin_doubt(ring(np.full(30, np.nan)), THICK).any()
 
 
-def ring(radius: np.ndarray, lines: int = 30, *, closed: bool = True) -> LitPoints:
+def ring(radius: np.ndarray, lines: int = 30) -> LitPoints:
     """Points so far from the axis, mm, in even steps all round, a line every 0.4 mm."""
     phi = 2 * np.pi * np.arange(len(radius)) / len(radius)
     rim = np.stack([radius * np.cos(phi), radius * np.sin(phi)], axis=-1)
@@ -258,4 +260,4 @@ def ring(radius: np.ndarray, lines: int = 30, *, closed: bool = True) -> LitPoin
     points[..., :2], points[..., 2] = rim[:, None], 0.4 * np.arange(lines)
     points[np.isnan(points[..., 0])] = np.nan
     plain = np.ones(points.shape[:2])
-    return LitPoints(points, np.zeros((len(phi), 3)), points, points, plain, plain, phi, closed)
+    return LitPoints(points, np.zeros((len(phi), 3)), points, points, plain, plain, phi, True)

@@ -64,14 +64,14 @@ def thin_doubt(light: LitPoints, thickness: float) -> Floats:
     of this rms ``thickness`` mm; 0 elsewhere.
 
     There all sides lie within the light, and no curve is long enough to say how they bend. Their
-    usual distance from the axis all the way round says that they do: 3/2 σ²/R, but no more than R
-    itself. Faces that pass beside the axis are further off it elsewhere.
+    usual distance from the axis says that they do: 3/2 σ²/R, but no more than R itself. Faces that
+    pass beside the axis are further off it elsewhere; in a part of a turn that may not be seen.
     """
     from scipy import ndimage
 
     away = np.hypot(light.points[..., 0], light.points[..., 1])
     out = np.zeros(away.shape)
-    if not light.closed or np.isnan(away).all():
+    if np.isnan(away).all():
         return out
     lines = np.flatnonzero(~np.isnan(away).all(axis=0))
     usual = np.nanmedian(away[:, lines], axis=0)
