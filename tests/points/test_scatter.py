@@ -49,7 +49,7 @@ def pooled(stripes: list[Stripe], closed: bool = True) -> Floats:
         np.stack([getattr(s, name) for s in stripes]) for name in ("sigma", "width", "flags")
     )
     turns = np.arange(len(stripes)) * 2 * np.pi / len(stripes)
-    return pooled_sigma(stripes, sigma, width, flags, turns, closed)
+    return pooled_sigma(stripes, sigma, width, flags, turns, closed)[0]
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -184,6 +184,18 @@ def test_chance_makes_it_no_larger_and_neither_grain_nor_edges_hide_or_feign_it(
     if grain == 1:
         alone = np.mean([s.scatter for s in stripes])
         assert found < alone, "each alone takes the largest of three"
+
+
+@pytest.mark.parametrize(("grain", "least", "most"), [(1, 0.0, 0.1), (2, 0.2, 0.5), (4, 0.4, 0.9)])
+def test_lines_that_share_a_grain_are_known_to_err_alike(grain, least, most):
+    noise = np.random.default_rng(grain)
+    stripes = [drawn(0.01, noise, grain=grain) for _ in range(60)]
+    sigma, width, flags = (
+        np.stack([getattr(s, name) for s in stripes]) for name in ("sigma", "width", "flags")
+    )
+    turns = np.arange(60) * 2 * np.pi / 60
+    alike = pooled_sigma(stripes, sigma, width, flags, turns, True)[1]
+    assert least <= alike <= most
 
 
 def test_where_photons_explain_all_chance_adds_nothing():

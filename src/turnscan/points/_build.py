@@ -93,7 +93,7 @@ def build_grid(
     eye = rig.T_camera_table.inverse().translation
     scale[lost] = np.nan
     closed = goes_round(turns)
-    sigma = pooled_sigma(stripes, sigma, width, flags[:, lines], turns, closed)
+    sigma, alike = pooled_sigma(stripes, sigma, width, flags[:, lines], turns, closed)
     sigma = _believable(sigma, width, light[:, lines], flags[:, lines])
     grid = RangeGrid(
         laser=laser,
@@ -108,6 +108,7 @@ def build_grid(
         behind=handed_over(behind & ~lost),
         halo=_moved_by_halo(stripes, lines, scale),
         noise=handed_over((sigma * scale).astype(np.float32), nan=True),
+        alike=alike,
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
@@ -341,4 +342,5 @@ def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
         halo=None if grid.halo is None else grid.halo[index],
         noise=None if grid.noise is None else grid.noise[index],
         thickness=grid.thickness,
+        alike=grid.alike,
     )

@@ -70,6 +70,9 @@ class RangeGrid:
     noise: Singles | None = None
     """(s, n) mm: of ``sigma``, what moves each point by itself, so that it averages out; the rest
     may move those beside it alike. NaN where missing; None where it is not known."""
+    alike: float = 0.0
+    """Correlation of that on adjacent lines of a profile: speckle grains taller than a pixel,
+    interpolated colours, JPEG."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:

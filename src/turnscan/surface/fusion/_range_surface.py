@@ -50,6 +50,8 @@ class RangeSurface:
     random: Floats | None = None
     """(v,) part of the variance of each vertex, 0 to 1, that moves it alone; None where the grid
     does not know (`RangeGrid.noise`)."""
+    alike: float = 0.0
+    """Correlation of that on adjacent lines (`RangeGrid.alike`)."""
 
     @property
     def cosine(self) -> Floats:
@@ -264,8 +266,9 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
     order = np.argsort(grid.steps, kind="stable")
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
     return RangeSurface(
-        mesh, grid.eyes[at], smoothed_normals(mesh), _random(grid, at, mesh.provenance.line)
-    )
+        mesh, grid.eyes[at], smoothed_normals(mesh), _random(grid, at, mesh.provenance.line),
+        grid.alike,
+    )  # fmt: skip
 
 
 def _random(grid: RangeGrid, step: Longs, line: Ints) -> Floats | None:

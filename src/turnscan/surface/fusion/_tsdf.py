@@ -275,7 +275,7 @@ def _filled(
     between = [s.between(_EDGES * most, slight=True, ends=True) for s in parts]
     known = [
         (Vertices(
-            s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise), s.bend
+            s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise), s.bend, s.alike
          ), _border_weights(s, usual))
         for s, off in zip(parts, between, strict=True)
     ]  # fmt: skip

@@ -29,6 +29,8 @@ class Vertices(NamedTuple):
     move neighbours, and all surfaces, alike."""
     bend: Floats
     """(v,) 1/mm: how the surface bends from profile to profile, positive where it bulges."""
+    alike: float
+    """Correlation of that noise along a profile, from 0 to 1."""
 
 
 @njit(cache=True, nogil=True)
@@ -50,11 +52,28 @@ def variances(
         noise += share * share * part
         common += share * np.sqrt(whole - part)
         single += share * share * whole
+    if vertices.alike > 0.0:
+        noise += vertices.alike * _along(face, (w, u, v), vertices)
     step = vertices.step
     part = w + (u if step[b] == step[a] else 0.0) + (v if step[c] == step[a] else 0.0)
     part = min(max(part, 0.0), 1.0)
     gap = 4.0 * part * (1.0 - part) * max(between[a], between[b], between[c])
     return noise, noise + common * common, single, gap * gap
+
+
+@njit(cache=True, nogil=True)
+def _along(face: Ints, shares: tuple[float, float, float], vertices: Vertices) -> float:
+    """mm²: what the noise of vertices of a face adds to that of a place where those on one profile
+    err alike."""
+    out = 0.0
+    for i in range(3):
+        j = (i + 1) % 3
+        a, b = face[i], face[j]
+        if vertices.step[a] == vertices.step[b]:
+            noise = min(vertices.sigma[a], vertices.noise[a])
+            noise *= min(vertices.sigma[b], vertices.noise[b])
+            out += 2.0 * shares[i] * shares[j] * noise
+    return out
 
 
 @njit(cache=True, nogil=True)

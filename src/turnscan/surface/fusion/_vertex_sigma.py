@@ -61,4 +61,5 @@ def _steps(s: RangeSurface) -> tuple[Floats, Floats]:
     along[order[:-1][follows]] = (X[order[1:]] - X[order[:-1]])[follows]
     before, after = s.neighbours
     beside = np.where(after >= 0, after, before)
+    along /= 1.0 - s.alike  # what adjacent lines share reaches so many further
     return along, np.where((beside >= 0)[:, None], X[beside] - X, np.nan)
