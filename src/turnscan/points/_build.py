@@ -206,7 +206,7 @@ def _judged(
     thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
     bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
     bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
-    thin = np.where(bent == 0.0, thin_doubt(seen, thick), 0.0)
+    thin = thin_doubt(seen, thick) * (bent == 0.0) if thick > 0 else np.zeros(width.shape)
     points = np.empty_like(grid.points)
     sigma, more = np.empty_like(grid.sigma), np.empty_like(grid.sigma)
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None

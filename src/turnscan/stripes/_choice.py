@@ -36,8 +36,6 @@ THIRD = (1.0, -3.0, 3.0, -1.0)
 MEDIAN_SQUARE = 0.4549
 """Median of the square of a standard normal variable."""
 ENOUGH_LINES = 20
-OF_MEDIAN = 2.5
-"""Uncertainty of a variance from the median of n squares, as a part, times √n."""
 SURELY_MORE = 5.0
 """Twice the uncertainty of a variance from the median of n squares, as a part, times √n."""
 

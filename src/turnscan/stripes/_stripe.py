@@ -139,8 +139,9 @@ class Stripe:
             enough = [(value, n) for value, n in found if n >= k.ENOUGH_LINES]
             best = most = 0.0
             for value, n in enough:
-                if value > (1.0 + k.SURELY_MORE / math.sqrt(n)) * best:
-                    best, most = value, (1.0 + k.OF_MEDIAN / math.sqrt(n)) * value
+                twice = k.SURELY_MORE / math.sqrt(n)
+                if value > (1.0 + twice) * best:
+                    best, most = value, (1.0 + twice / 2) * value
             if enough:
                 return most
         return math.nan
