@@ -41,6 +41,8 @@ class ScanStripes:
     orientation: Orientation
     halo: Floats
     """(s, n) px by which halos are estimated to move ``position``, NaN where nothing tells."""
+    skewness: Floats
+    """(s, n) of the light across the stripe (`Stripe.skewness`), NaN where nothing tells."""
 
     @property
     def found(self) -> Bools:
@@ -54,8 +56,8 @@ class ScanStripes:
     def stripe(self, k: int) -> Stripe:
         """The stripe of the k-th frame."""
         own = (self.position[k], self.sigma[k], self.amplitude[k], self.width[k])
-        scatter, halo = float(self.scatter[k]), self.halo[k]
-        return Stripe(*own, self.flags[k], self.orientation, scatter, halo)
+        more = float(self.scatter[k]), self.halo[k], self.skewness[k]
+        return Stripe(*own, self.flags[k], self.orientation, *more)
 
 
 def stripes_of(
@@ -117,5 +119,5 @@ def _arrays(
         flags,
         np.array([s.scatter for s in found], np.float64),
         plan.orientation,
-        np.array([s.table()[-1] for s in found]).reshape(len(found), lines),
+        *np.array([s.table()[-2:] for s in found]).reshape(len(found), 2, lines).swapaxes(0, 1),
     )
