@@ -19,15 +19,14 @@ _ALONG = 8
 _STANDS_OUT = 2.0
 """Times the usual skewness of five lines by which some must lean more than most to count by
 themselves: an edge may be short."""
-_LEFT, _SYMMETRIC = 0.6, 0.25
-"""Part of a doubt that is left where a stripe is symmetric; and rms of how far its centre is off
-then, in its widths, whatever doubts it: two lights that still look like one lie no further than 0.6
-from their middle."""
+_SYMMETRIC = 0.25
+"""rms of how far the centre of a symmetric stripe is off, in its widths, whatever doubts it: two
+lights that still look like one lie no further than 0.6 from their middle."""
 
 
 def as_it_leans(doubt: Floats, width: Floats, skewness: Floats | None) -> Floats:
-    """(s, n) px: what is left of a ``doubt`` (s, n) px of stripes ``width`` (s, n) px wide, NaN
-    where there is none, that lean by ``skewness`` (s, n); all of it where that is None or NaN.
+    """(s, n) px: a ``doubt`` (s, n) px of stripes ``width`` (s, n) px wide, NaN where there is none,
+    no larger than their ``skewness`` (s, n) allows; as it is where that is None or NaN.
 
     A stripe is doubted for being narrower, wider or fainter than is due. But a surface that lies
     otherwise to the light than chords of coarse steps say makes it so as well, and leaves it
@@ -41,8 +40,7 @@ def as_it_leans(doubt: Floats, width: Floats, skewness: Floats | None) -> Floats
         own = np.maximum(1.0 - (_BLUR / width) ** 2, 0.0) ** 1.5
         lean = (_lean(np.where(np.isnan(width), np.nan, skewness)) + _UNSURE) / own / _LEANS
         most = _SYMMETRIC * width / np.maximum(1.0 - lean, 0.0)
-        some = np.fmin(doubt * np.clip(lean, _LEFT, 1.0), most)
-    return np.where(np.isnan(lean), doubt, some)
+    return np.where(np.isnan(lean), doubt, np.fmin(doubt, most))
 
 
 def steady(values: Floats) -> Floats:
