@@ -1,8 +1,8 @@
 """Points and merged surfaces of shapes that no rule was made with, against the shapes themselves.
 
-``python -m bench foreign`` scans 20 random shapes (displaced balls, twisted prisms, parts put
-together of boxes, cylinders and balls; all drawn by seeds used nowhere else) and the parts of other
-people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160 steps, the
+``python -m bench foreign`` scans 26 random shapes (displaced balls, twisted prisms, parts put
+together of boxes, cylinders and balls, and parts off a lathe, with collars, grooves and threads;
+all drawn by seeds used nowhere else) and the parts of other people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160 steps, the
 rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts each row into
 docs/explain/accuracy.md as it is measured, with its commit; the others stay. ``python -m
 bench.foreign --keep FOLDER`` keeps the simulated scans there and finds them again, ``--only KIND
@@ -48,6 +48,7 @@ SHAPES = (
     *(("displaced-ball", seed) for seed in range(FIRST, FIRST + 7)),
     *(("twisted-prism", seed) for seed in range(FIRST, FIRST + 6)),
     *(("put-together", seed) for seed in range(FIRST, FIRST + 7)),
+    *(("turned", seed) for seed in range(FIRST, FIRST + 6)),
 )
 RIGS, STEPS = ("paper", "modern"), (60, 160)
 HEAD = (
@@ -78,6 +79,52 @@ def put_together(draw: np.random.Generator) -> Mesh:
     return Mesh(np.array(made.vert_properties[:, :3], np.float64), np.array(made.tri_verts))
 
 
+def turned(draw: np.random.Generator) -> Mesh:
+    """A part off a lathe: some lengths, plain, conical, with collars, grooves or a thread."""
+    profile = list[tuple[float, float, float]]()  # height, radius, how deep a thread is cut
+    z, r, pitch = 0.0, draw.uniform(13.0, 20.0), draw.uniform(2.0, 3.5)
+    for _ in range(int(draw.integers(3, 7))):
+        kind, long = draw.integers(5), draw.uniform(7.0, 15.0)
+        ends, height, count = (z, r), draw.uniform(0.6, 2.0), int(draw.integers(1, 4))
+        if kind == 1:
+            r = float(np.clip(r + draw.uniform(-6.0, 6.0), 9.0, 22.0))
+        profile += [(*ends, 0.0), (z + long, r, 0.0)]
+        if kind in (2, 3):
+            depth = height if kind == 2 else -height
+            wide = long / (2 * count + 1)
+            for k in range(count):
+                low = z + (2 * k + 1) * wide
+                at = (low, r), (low, r + depth), (low + wide, r + depth), (low + wide, r)
+                profile[-1:-1] = [(*place, 0.0) for place in at]
+        elif kind == 4:
+            places = np.linspace(z, z + long, int(long / 0.2))[1:-1]
+            cut = 0.6 * pitch * np.minimum(1.0, 0.5 * np.minimum(places - z, z + long - places))
+            profile[-1:-1] = [(at, r, deep) for at, deep in zip(places, cut, strict=True)]
+        z += long
+        r = float(np.clip(r + draw.uniform(-4.0, 4.0), 9.0, 22.0))
+    return _revolved(np.array(profile), pitch)
+
+
+def _revolved(profile: Floats, pitch: float) -> Mesh:
+    """The solid of a profile (n, 3), upwards: height, radius and depth of a thread, mm."""
+    count, around = len(profile), 360
+    turn = np.linspace(0.0, 1.0, around, endpoint=False)
+    z, r, deep = profile.T[:, :, None]
+    r = r - deep * np.abs((z / pitch - turn) % 1.0 - 0.5) * 2.0
+    ring = np.stack([r * np.cos(2 * np.pi * turn), r * np.sin(2 * np.pi * turn), z + 0 * turn], -1)
+    ends = np.array([[0.0, 0.0, profile[0, 0]], [0.0, 0.0, profile[-1, 0]]])
+    a = np.arange(count * around).reshape(count, around)
+    b = np.roll(a, -1, axis=1)
+    low, high = np.full(around, count * around), np.full(around, count * around + 1)
+    faces = np.concatenate([
+        np.stack([a[:-1], b[:-1], b[1:]], -1).reshape(-1, 3),
+        np.stack([a[:-1], b[1:], a[1:]], -1).reshape(-1, 3),
+        np.stack([b[0], a[0], low], -1),
+        np.stack([a[-1], b[-1], high], -1),
+    ])  # fmt: skip
+    return Mesh(np.concatenate([ring.reshape(-1, 3), ends]), faces)
+
+
 def others(folder: Path) -> Iterator[tuple[str, Path]]:
     """The closed meshes of other people, made to fit on the table, written into the folder."""
     from turnscan.mesh import is_closed
@@ -101,7 +148,8 @@ def drawn(name: str, seed: int, folder: Path) -> Path:
     path = folder / f"{name}-{seed}.stl"
     if not path.exists():
         draw = np.random.default_rng(seed)
-        path.write_bytes(write_stl(put_together(draw) if name not in FORMS else FORMS[name](draw)))
+        made = {**FORMS, "put-together": put_together, "turned": turned}[name]
+        path.write_bytes(write_stl(made(draw)))
     return path
 
 

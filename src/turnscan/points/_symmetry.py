@@ -25,8 +25,8 @@ lights that still look like one lie no further than 0.6 from their middle."""
 
 
 def as_it_leans(doubt: Floats, width: Floats, skewness: Floats | None) -> Floats:
-    """(s, n) px: a ``doubt`` (s, n) px of stripes ``width`` (s, n) px wide, NaN where there is none,
-    no larger than their ``skewness`` (s, n) allows; as it is where that is None or NaN.
+    """(s, n) px: a ``doubt`` (s, n) px of stripes ``width`` (s, n) px wide, NaN where there is
+    none, no larger than their ``skewness`` (s, n) allows; as it is where that is None or NaN.
 
     A stripe is doubted for being narrower, wider or fainter than is due. But a surface that lies
     otherwise to the light than chords of coarse steps say makes it so as well, and leaves it
