@@ -32,6 +32,9 @@ _LEDGE = 2.5
 where they are two faces that meet."""
 _CORNER = 0.4
 """Part of how far the corner of two rays lies off a chord, one standard deviation."""
+_ACROSS, _LEFT = 2, 0.48
+"""Times that chords on a profile are averaged with those of the profiles beside, and what that
+leaves of independent noise."""
 _ALONG = 4
 """Times that what is known of a bend is averaged over neighbours on the profile."""
 _MEAN = 0.41
@@ -171,18 +174,20 @@ class RangeSurface:
         a part of that counts, where one chord leads deeper than that beside it, beyond what noise
         makes of it. A surface that slopes steadily has no such edge.
         """
+        from turnscan.surface.fusion import _bend_kernels as bends
+
         X, (below, above) = self.mesh.vertices, self.beside
         ray = X - self.eyes
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         chord = np.where((above < 0)[:, None], np.nan, X[above] - X)
-        deep = np.einsum("ij,ij->i", chord, ray)
-        long = np.linalg.norm(chord, axis=1)
+        both = np.stack([np.einsum("ij,ij->i", chord, ray), np.linalg.norm(chord, axis=1)], 1)
+        deep, long = bends.along(both, *self.neighbours, _ACROSS).T
         beside = (np.where(k < 0, np.nan, deep[k]) for k in (below, above))
         with np.errstate(invalid="ignore", divide="ignore"):
             apart = np.sqrt(np.maximum(long**2 - deep**2, 0.0))
             off = _CORNER * np.nan_to_num(apart * np.abs(deep) / long)
             deeper = np.fmax(*(np.abs(deep - o) * (np.abs(deep) > np.abs(o)) for o in beside))
-            off = np.where(deeper > _LEDGE * np.sqrt(6.0) * self.sigma, off, 0.0)
+            off = np.where(deeper > _LEDGE * _LEFT * np.sqrt(6.0) * self.sigma, off, 0.0)
         return np.maximum(off, np.where(below < 0, 0.0, off[below]))
 
     def _sagitta(self, second: Floats) -> Floats:
