@@ -109,7 +109,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         more = kernels.raster(
             Vertices(X, s.sigma, between[i][1], s.ranks, s.noise(most), s.bend, s.alike),
             between[i][0],
-            s.ledges,
+            s.between_lines,
             _turns(X),
             np.maximum(s.cosine, 0.05),
             s.mesh.faces,

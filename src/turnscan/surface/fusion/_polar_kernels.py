@@ -141,7 +141,7 @@ def _put(
 def raster(
     vertices: Vertices,
     bends: Floats,
-    ledges: Floats,
+    between_lines: Floats,
     around: Floats,
     cosine: Floats,
     faces: Ints,
@@ -154,7 +154,7 @@ def raster(
 
     Between its vertices a face bulges as these bend (`rise`); ``lines`` are how high the lowest
     cells lie and how far others over each other, mm; ``bends`` (v,) mm what of ``vertices.between``
-    no edge makes, ``ledges`` (v,) mm what one between two lines does.
+    no edge makes, ``between_lines`` (v,) mm what the surface may do there.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, in turns from
     0 to 1, ascending. ``limits`` are the mm within which two radii are alike, and the turns within
     which a face that ends beside a column is met at its end. Which counts where a cell is met
@@ -208,7 +208,7 @@ def raster(
                 clashes += there and abs(r - cells.radius[k, z]) > alike
                 random, own, single, gap = variances(faces[f], u, v, vertices, vertices.between)
                 w = 1.0 - u - v
-                gap += (w * ledges[a] + u * ledges[b] + v * ledges[c]) ** 2
+                gap += (w * between_lines[a] + u * between_lines[b] + v * between_lines[c]) ** 2
                 strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(single + gap, 1e-12)
                 if not _counts(cells, k, z, beside, strong * r):
                     continue

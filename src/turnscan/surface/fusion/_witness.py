@@ -56,11 +56,11 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     what is explained: what the surface may do between its profiles there, and a tenth of ``voxel``
     mm, which the merge itself rounds off. Sigma is no less than how far from the nearest such
     surface a vertex lies beyond what is explained, and takes in how far the merge put it beside
-    all of them, and what an edge between two lines may do on the nearest (`ledges`). Guessed is
-    a vertex that lies two usual sigma beside every surface; one that stands beside all points that
-    were measured and lies one and a half beside the surfaces, what they may do between their
-    profiles included; and, further than half a voxel from those points, one that has a sigma of
-    three. Loose is another of such a sigma, of what noise makes, that stands beside
+    all of them, and what the nearest may do between two lines (`RangeSurface.between_lines`).
+    Guessed is a vertex that lies two usual sigma beside every surface; one that stands beside all
+    points that were measured and lies one and a half beside the surfaces, what they may do between
+    their profiles included; and, further than half a voxel from those points, one that has a sigma
+    of three. Loose is another of such a sigma, of what noise makes, that stands beside
     its nearest measured point. Afar is any other that stands one and a half voxels from all of
     them: a groove may be narrower than the step, of which no chord tells. Its sigma takes in a
     quarter of that way.
@@ -73,11 +73,11 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     usual, sure = float(np.median(every)), usual_sigma(every)
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
     away, least, doubt, reach = np.full((4, len(mesh.vertices)), np.inf)
-    ledge = np.zeros(len(mesh.vertices))
+    lines = np.zeros(len(mesh.vertices))
     for s in surfaces:
         # What one surface confirms only from afar, another may confirm from nearby.
         far = (doubt > _CHORD * usual) & (reach > _CLOSE * voxel) | (own > _VAGUE * usual)
-        asked = np.flatnonzero(~out | (away > own) | (least > own) | (ledge > 0) | far)
+        asked = np.flatnonzero(~out | (away > own) | (least > own) | (lines > 0) | far)
         if not len(asked) or not len(s.mesh.faces):
             continue
         X = np.array(mesh.vertices[asked])
@@ -96,7 +96,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
         ends = s.mesh.vertices[corners]
         share = _shares(foot, ends)
         nearest = off < least[asked]
-        ledge[asked[nearest]] = (share * s.ledges[corners]).sum(axis=1)[nearest]
+        lines[asked[nearest]] = s.between_lines[corners].max(axis=1)[nearest]
         least[asked] = np.minimum(least[asked], off)
         chord = between * _half_way(share, s.ranks[corners])
         doubt[asked] = np.minimum(doubt[asked], chord + off)
@@ -110,7 +110,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     afar = (reach > _AFAR * voxel) & ~guessed
     loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed & ~afar
     sigma = np.maximum(np.hypot(own, beside), away)
-    sigma = np.hypot(sigma, ledge)
+    sigma = np.hypot(sigma, lines)
     sigma[afar] = np.hypot(sigma[afar], reach[afar] / _UNKNOWN)
     return Witness(out, sigma, guessed, loose, afar)
 

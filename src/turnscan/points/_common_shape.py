@@ -1,0 +1,109 @@
+"""What profiles have in common is the part's shape, however it looks along each: collars, a thread.
+
+Centres scatter along a stripe by noise, and by all shape that is finer than the lines between those
+that are compared. Noise is another one in each picture; the shape of a turned part is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats
+from turnscan.stripes import Stripe, StripeFlag
+
+OF_MEDIAN = 2.5
+"""Uncertainty of a variance from the median of n squares, as a part, times √n."""
+_SURELY = 2.0
+"""Of those by which profiles scatter less against those beside them than each along itself …"""
+_FAR, _COMMON = np.pi / 8, 0.5
+"""… and the turn, rad, over which less than this part must differ, so that it is the shape of a
+turned part that they have in common: adjacent profiles may share their light, or a print."""
+
+
+class Scatters(NamedTuple):
+    """What `Stripe.scatters` says, of many pictures."""
+
+    values: Floats
+    """(s, 3) px² for each px of width, from centres 1, 2 and 4 lines apart."""
+    counts: Floats
+    """(s, 3) from how many differences; 0 where they are too few to tell."""
+
+
+def without_shape(
+    stripes: Sequence[Stripe], own: Scatters, about: Callable[[Scatters], Scatters],
+    photons: Floats, turns: Floats, closed: bool,
+) -> tuple[Scatters, Floats]:  # fmt: skip
+    """What ``about`` makes of the ``own`` scatters of pictures, without the shape that profiles
+    have in common; and (s,) px² for each px of width how much of each picture's own is that.
+
+    ``photons`` (s,) is what photons explain, ``turns`` (s,) rad where the table stood, ``closed``
+    that the last profile neighbours the first.
+    """
+    step = float(np.median(np.abs(np.diff(np.unwrap(turns))))) if len(turns) > 1 else _FAR
+    beside = _apart(stripes, closed, 1)
+    far = _apart(stripes, closed, max(round(_FAR / max(step, 1e-9)), 1))
+    alone, near, across = about(own), about(beside), about(far)
+    unsure = (
+        _SURELY * OF_MEDIAN * np.sqrt(sum(1.0 / np.maximum(v.counts, 1) for v in (alone, near)))
+    )
+    common: Bools = (near.counts > 0) & (across.counts > 0)
+    common &= alone.values - near.values > unsure * (
+        np.maximum(alone.values, 0.0) + photons[:, None]
+    )
+    common &= across.values < _COMMON * alone.values
+    shape = np.where(common, own.values - beside.values, 0.0).max(axis=1)
+    values = np.where(common, near.values, alone.values)
+    return Scatters(values, alone.counts), np.maximum(shape, 0.0)
+
+
+def _apart(stripes: Sequence[Stripe], closed: bool, far: int) -> Scatters:
+    """Of what each profile does not have in common with those ``far`` steps before and after it."""
+    from turnscan.stripes import _choice as k
+
+    clean = np.uint16(StripeFlag.MULTI | StripeFlag.HALO)
+    tables = np.stack([s.alone() for s in stripes])
+    tables[:, 0][(np.stack([s.flags for s in stripes]) & ~clean) != 0] = np.nan
+    lines = np.flatnonzero(~np.isnan(tables[:, 0]).all(axis=0))
+    values, counts = np.zeros((2, len(stripes), len(k.LAGS)))
+    if not len(lines) or len(stripes) < 2 * far + 1:
+        return Scatters(values, counts)
+    place, sigma, _, width = tables[:, :4, lines[0] : lines[-1] + 1].swapaxes(0, 1)
+    for i, lag in enumerate(k.LAGS):
+        if place.shape[1] > 3 * lag:
+            squares = _squares(place, sigma, width, lag, far)
+            if not closed:
+                squares[-far:] = np.nan
+            count = (~np.isnan(squares)).sum(axis=1)
+            count[count < k.ENOUGH_LINES] = 0
+            found = np.zeros(len(stripes))
+            found[count > 0] = np.nanmedian(squares[count > 0], axis=1)
+            both = count + np.roll(count, far)
+            total = count * found + np.roll(count * found, far)
+            values[:, i], counts[:, i] = total / np.maximum(both, 1), both / 2.0
+    return Scatters(values, counts)
+
+
+def _squares(place: Floats, sigma: Floats, width: Floats, lag: int, far: int) -> Floats:
+    """(s, n - 3 lag) px² for each px of width: the scatter that the difference of third differences
+    of each profile and of that ``far`` steps on asks for, beside what ``sigma`` explains; NaN
+    across a gap. As `stripes._choice.unexplained` of one picture."""
+    from turnscan.stripes._choice import MEDIAN_SQUARE, THIRD
+
+    squares = tuple(factor**2 for factor in THIRD)
+    third = _differences(place, lag, THIRD)
+    gaps = np.cumsum(np.pad(np.isnan(place), ((0, 0), (1, 0))), axis=1)
+    third[gaps[:, 3 * lag + 1 :] > gaps[:, : -3 * lag - 1]] = np.nan
+    explained, wide = _differences(sigma**2, lag, squares), _differences(width, lag, squares)
+    after = [np.roll(v, -far, axis=0) for v in (third, explained, wide)]
+    asked = (third - after[0]) ** 2 / MEDIAN_SQUARE - explained - after[1]
+    return np.asarray(asked / (wide + after[2]))
+
+
+def _differences(values: Floats, lag: int, factors: tuple[float, ...]) -> Floats:
+    """(s, n - 3 lag) the sum of four values (s, n) so many lines apart, by ``factors``."""
+    n = values.shape[1] - 3 * lag
+    parts = (f * values[:, (3 - k) * lag :][:, :n] for k, f in enumerate(factors))
+    return np.asarray(sum(parts))
