@@ -45,6 +45,12 @@ def drawn(
 
 
 def pooled(stripes: list[Stripe], closed: bool = True) -> Floats:
+    # Noise is another one in each picture: the same pattern in all of them would be a shape.
+    other = max(len(stripes) // 16, 1)
+    stripes = [
+        replace(s, position=200.0 - s.position) if k // other % 2 else s
+        for k, s in enumerate(stripes)
+    ]
     sigma, width, flags = (
         np.stack([getattr(s, name) for s in stripes]) for name in ("sigma", "width", "flags")
     )
@@ -204,3 +210,72 @@ def test_where_photons_explain_all_chance_adds_nothing():
     assert sum(s.scatter > 0 for s in known) > 10, "alone, many find some by chance"
     found = np.nanmean(pooled(known) ** 2) / NOISE**2
     assert found == pytest.approx(1.0, abs=3 * 2.5 / np.sqrt(60 * LINES)), "photons say it all"
+
+
+def turned(
+    shape: Floats, noise: np.random.Generator, steps: int, shift: float = 0.0
+) -> list[Stripe]:
+    """Stripes of a part that is turned, ``shape`` (LINES,) px, or a thread that is ``shift`` lines
+    higher after a turn."""
+    lines = np.arange(LINES)
+    out = list[Stripe]()
+    for k in range(steps):
+        plain = drawn(0.01, noise)
+        more = np.interp((lines - shift * k / steps) % LINES, lines, shape, period=LINES)
+        bare = replace(plain, position=plain.position + more, sigma=np.full(LINES, NOISE))
+        sigma = scattered(bare)
+        own = float(np.nanmax(sigma**2 - NOISE**2) / WIDTH)
+        out.append(replace(bare, sigma=sigma, scatter=own))
+    return out
+
+
+def scatter_of(stripes: list[Stripe]) -> float:
+    sigma, width, flags = (
+        np.stack([getattr(s, name) for s in stripes]) for name in ("sigma", "width", "flags")
+    )
+    turns = np.arange(len(stripes)) * 2 * np.pi / len(stripes)
+    found = pooled_sigma(stripes, sigma, width, flags, turns, True)[0]
+    return float(np.mean(found**2 - NOISE**2) / WIDTH)
+
+
+@pytest.mark.parametrize("steps", [24, 60, 160])
+@pytest.mark.parametrize(("high", "shift"), [(1.0, 0.0), (4.0, 0.0), (1.5, 8.0)])
+def test_collars_and_a_thread_are_the_parts_shape_and_no_scatter(steps, high, shift):
+    shape = high * np.where(np.arange(LINES) // 4 % 2, 0.5, -0.5)
+    if shift:
+        shape = high * (np.abs(np.arange(LINES) % 8 - 4) / 4 - 0.5)
+    stripes = turned(shape, np.random.default_rng(steps), steps, shift)
+    alone = np.mean([s.scatter for s in stripes])
+    assert alone > 4 * 0.01, "each picture takes it for scatter"
+    assert 0.8 < scatter_of(stripes) / 0.01 < (1.25 if not shift else 3.0)
+
+
+def test_what_only_adjacent_profiles_share_is_scatter() -> None:
+    """A print on the part, or the light of one grain in two of them."""
+    noise = np.random.default_rng(3)
+    grain = [noise.normal(size=LINES) for _ in range(60)]
+    stripes = []
+    for k in range(60):
+        own = (grain[k] + grain[k - 1] + grain[k - 2]) / np.sqrt(3.0)
+        bare = Stripe(
+            100 + NOISE * noise.normal(size=LINES) + np.sqrt(0.01 * WIDTH) * own,
+            np.full(LINES, NOISE), np.full(LINES, 80.0), np.full(LINES, WIDTH),
+            np.zeros(LINES, np.uint16),
+        )  # fmt: skip
+        sigma = scattered(bare)
+        per_width = float(np.nanmax(sigma**2 - NOISE**2) / WIDTH)
+        stripes.append(replace(bare, sigma=sigma, scatter=per_width))
+    assert 0.85 < scatter_of(stripes) / 0.01 < 1.2
+
+
+def test_in_pictures_that_blur_along_the_stripe_what_is_common_may_be_the_blurs() -> None:
+    from scipy.ndimage import gaussian_filter1d
+
+    noise = np.random.default_rng(5)
+    shape = np.where(np.arange(LINES) // 9 % 2, 1.0, -1.0)
+    stripes = [
+        replace(s, position=gaussian_filter1d(s.position, 1.5))
+        for s in turned(shape, noise, 60)
+    ]  # fmt: skip
+    sharp = scatter_of(turned(shape, noise, 60))
+    assert scatter_of(stripes) > 3 * sharp

@@ -21,6 +21,10 @@ _SURELY = 2.0
 _FAR, _COMMON = np.pi / 8, 0.5
 """… and the turn, rad, over which less than this part must differ, so that it is the shape of a
 turned part that they have in common: adjacent profiles may share their light, or a print."""
+_BLURRED = 0.4
+"""Part of what centres further apart scatter with less of which adjacent ones do where a picture is
+blurred along the stripe, by its lens, its colours or JPEG. That rounds off what is turned alike in
+all profiles: what they have in common is no shape alone then."""
 
 
 class Scatters(NamedTuple):
@@ -43,7 +47,7 @@ def without_shape(
     that the last profile neighbours the first.
     """
     step = float(np.median(np.abs(np.diff(np.unwrap(turns))))) if len(turns) > 1 else _FAR
-    beside = _apart(stripes, closed, 1)
+    beside = _still(*(_apart(stripes, closed, k) for k in (1, 2)))
     far = _apart(stripes, closed, max(round(_FAR / max(step, 1e-9)), 1))
     alone, near, across = about(own), about(beside), about(far)
     unsure = (
@@ -54,9 +58,28 @@ def without_shape(
         np.maximum(alone.values, 0.0) + photons[:, None]
     )
     common &= across.values < _COMMON * alone.values
+    common &= not _blurred(near, photons)
     shape = np.where(common, own.values - beside.values, 0.0).max(axis=1)
     values = np.where(common, near.values, alone.values)
     return Scatters(values, alone.counts), np.maximum(shape, 0.0)
+
+
+def _still(one: Scatters, two: Scatters) -> Scatters:
+    """What would be left between profiles no step apart, from that between profiles one and two
+    steps apart: what a thread rises on the way counts with the square of it."""
+    more = np.where(two.counts > 0, np.maximum(two.values - one.values, 0.0) / 3.0, 0.0)
+    return Scatters(one.values - more, one.counts)
+
+
+def _blurred(near: Scatters, photons: Floats) -> bool:
+    """Whether adjacent lines err alike, beside what ``photons`` (s,) explain."""
+    told = near.counts[:, 0] > 0
+    if not told.any():
+        return True
+    scatter, known = np.maximum(near.values[told], 0.0), photons[told]
+    whole = known + scatter.max(axis=1)
+    shown = (known + scatter[:, 0])[whole > 0] / whole[whole > 0]
+    return bool(len(shown) and np.median(shown) < _BLURRED)
 
 
 def _apart(stripes: Sequence[Stripe], closed: bool, far: int) -> Scatters:
