@@ -32,11 +32,16 @@ def run(*words, fails=None):
 def only_scan(tmp_path_factory):
     path = tmp_path_factory.mktemp("scan") / "can.turnscan"
     rig = make_rig(elevation=0.1, lift=20.0)
-    u = np.arange(320)
+    u, noise = np.arange(320), np.random.default_rng(0)
     with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0), rig) as scan:
         for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS))):
             at = np.nan_to_num(s.position, nan=-1e3)[:, None]
-            lit = np.rint(10 + 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)).astype(np.uint8)
+            lit = (
+                10
+                + 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)
+                + 0.4 * noise.normal(size=(240, 320))
+            )
+            lit = np.rint(lit).astype(np.uint8)
             dark = np.full((240, 320), 10, np.uint8)
             scan.add(Frame(k, "L0", lit, dark, commanded=float(full_turn(STEPS)[k])))
     return path
@@ -96,7 +101,8 @@ def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_pa
     calm, _, _ = made("--denoise", 2, "--outliers", 8)
     assert len(calm.vertices) == len(plain.vertices)
     off = np.linalg.norm(calm.vertices - plain.vertices, axis=1)
-    assert 0 < off.max() <= 2.0001 * plain.provenance.sigma.max()
+    # Two sigma along the sheet, which meets the can all but squarely.
+    assert 0 < off.max() <= 2.02 * plain.provenance.sigma.max()
     limit = float(np.quantile(plain.provenance.sigma, 0.9))
     sure, told, _ = made("--largest-sigma", limit)
     assert told["parameters"]["clean"]["sigma"] == limit

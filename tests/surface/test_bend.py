@@ -80,21 +80,24 @@ def turned_part(z: np.ndarray, r: np.ndarray, sigma: float, seed: int = 0) -> Ra
 def test_a_step_between_two_lines_is_doubted_where_it_is_and_nowhere_else() -> None:
     """One of 3 mm: between two rays 0.3 mm apart the surface may go up to 0.3 mm off the chord."""
     z = 0.3 * np.arange(LINES)
-    ledges = turned_part(z, np.where(z > 2.95, 53.0, 50.0), 0.05).ledges.reshape(-1, LINES)
+    part = turned_part(z, np.where(z > 2.95, 53.0, 50.0), 0.05)
+    doubt = part.between_lines.reshape(-1, LINES)
     at = int(np.argmax(z > 2.95))
-    np.testing.assert_allclose(ledges[:, at - 1 : at + 1], 0.4 * 0.3, rtol=0.02)
-    elsewhere = np.delete(ledges, [at - 1, at], axis=1)
+    np.testing.assert_allclose(doubt[:, at - 1 : at + 1], 0.4 * 0.3, rtol=0.05)
+    elsewhere = np.delete(doubt, [at - 1, at], axis=1)
     assert (elsewhere > 0).mean() < 0.03, "noise alone makes some"
 
 
 @given(slope=st.floats(-3.0, 3.0), sigma=st.floats(0.01, 0.1), seed=st.integers(0, 99))
-def test_cones_have_no_ledges(slope: float, sigma: float, seed: int) -> None:
+def test_nothing_is_doubted_between_the_lines_of_cones(
+    slope: float, sigma: float, seed: int
+) -> None:
     z = 0.3 * np.arange(LINES)
-    ledges = turned_part(z, 50.0 + slope * z, sigma, seed).ledges
-    assert (ledges > 0).mean() < 0.06, "noise alone makes some"
+    doubt = turned_part(z, 50.0 + slope * z, sigma, seed).between_lines
+    assert (doubt > 0).mean() < 0.06, "noise alone makes some"
 
 
 def test_balls_have_none_but_at_their_poles() -> None:
     z = 0.3 * np.arange(LINES)
     ball = turned_part(z, 40.0 + np.sqrt(30.0**2 - (z - 3.0) ** 2), 0.03)
-    assert (ball.ledges > 0).mean() < 0.06
+    assert (ball.between_lines > 0).mean() < 0.06

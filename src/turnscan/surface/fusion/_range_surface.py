@@ -32,11 +32,9 @@ _LEDGE = 2.5
 where they are two faces that meet."""
 _CORNER = 0.4
 """Part of how far the corner of two rays lies off a chord, one standard deviation."""
-_CRESTS = 2.0
-"""Times what noise makes of it, from which a bend between lines is one."""
-_ACROSS, _LEFT = 2, 0.48
-"""Times that what is known of a line is averaged with the profiles beside, and what that leaves of
-independent noise."""
+_ACROSS, _LEFT = 2, 0.5
+"""Times that chords of a line are averaged with those of the profiles beside, and what that leaves
+of independent noise, the ends of a turn included."""
 _ALONG = 4
 """Times that what is known of a bend is averaged over neighbours on the profile."""
 _MEAN = 0.41
@@ -169,29 +167,13 @@ class RangeSurface:
 
     @cached_property
     def between_lines(self) -> Floats:
-        """(v,) mm: how far the surface may lie off the chords of a profile about each vertex.
-
-        Lines lie close, so that only what stands out of noise counts: a step, where one chord leads
-        deeper than that beside it, and a bend, which has its corner a quarter of its second
-        difference off the chords. Both in the mean over the profiles about each: what is turned, or
-        stands upright, goes on there.
-        """
-        from turnscan.surface.fusion import _bend_kernels as bends
-
-        X, (below, above) = self.mesh.vertices, self.beside
-        second = np.einsum("ij,ij->i", self.normals, X[below] - 2.0 * X + X[above])
-        second = np.where((below < 0) | (above < 0), np.nan, second)
-        second = bends.along(second[:, None], *self.neighbours, _ACROSS)[:, 0]
-        noise = _CRESTS * _LEFT * np.sqrt(6.0) * self.sigma
-        crest = np.sqrt(np.maximum(second**2 - noise**2, 0.0)) / 4.0
-        return np.asarray(np.fmax(crest, self._steps()))
-
-    def _steps(self) -> Floats:
         """(v,) mm: how far a step between two lines may stand off the chords of a profile.
 
         Between the rays of two lines the surface may go along either and then across. So it lies
         up to the distance of the rays off their chord, times the cosine of the angle between both;
-        a part of that counts. A surface that slopes steadily has no step.
+        a part of that counts, where one chord leads deeper than that beside it, beyond what noise
+        makes of it in the mean over the profiles about it: what is turned, or stands upright, goes
+        on there. A surface that slopes steadily has no such step.
         """
         from turnscan.surface.fusion import _bend_kernels as bends
 
