@@ -95,8 +95,13 @@ def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:
     assert good.all()
     assert not (guessed | afar).any()
     assert not loose.any(), "each stands on its own point"
-    as_it_was = np.hypot(surfaces[0].sigma, surfaces[0].ledges)
-    assert sigma == pytest.approx(as_it_was), "what lies on a surface, but for its ledges"
+    own, steps = surfaces[0].sigma, surfaces[0].between_lines
+    about = steps.copy()
+    np.maximum.at(about, mesh.faces.ravel(), np.repeat(steps[mesh.faces].max(axis=1), 3))
+    assert (sigma >= np.hypot(own, steps) - 1e-9).all()
+    assert (sigma <= np.hypot(own, about) + 1e-9).all(), "as it was, but for steps on its faces"
+    assert (about == 0).any()
+    assert sigma[about == 0] == pytest.approx(own[about == 0])
     between = np.tile([23.0, 0.0, 30.0], (len(mesh.vertices), 1))
     moved = np.where(np.arange(len(mesh.vertices))[:, None] % 50 == 0, between, mesh.vertices)
     good = witnessed(replace(mesh, vertices=moved), surfaces, 1.0, 1.0).confirmed
