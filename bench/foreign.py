@@ -2,8 +2,9 @@
 
 ``python -m bench foreign`` scans 26 random shapes (displaced balls, twisted prisms, parts put
 together of boxes, cylinders and balls, and parts off a lathe, with collars, grooves and threads;
-all drawn by seeds used nowhere else) and the parts of other people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160 steps, the
-rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts each row into
+all drawn by seeds used nowhere else) and the parts of other people that lie in
+``../shared/data/parts``, on both rigs with two lasers and 60 and 160 steps, the rig exactly known.
+``--quick`` takes the paper's rig with 60 steps. ``--write`` puts each row into
 docs/explain/accuracy.md as it is measured, with its commit; the others stay. ``python -m
 bench.foreign --keep FOLDER`` keeps the simulated scans there and finds them again, ``--only KIND
 …`` takes these random shapes alone, ``--each 2`` the first two of each kind and no parts of other

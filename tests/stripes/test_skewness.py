@@ -43,7 +43,7 @@ def test_a_cut_stripe_leans_towards_what_is_left(cut, low, high, flip) -> None:
 
 
 def test_blur_hides_it() -> None:
-    """It adds to the variance alone: a third moment stays. The window cuts off more of a sharp one."""
+    """It adds to the variance alone: a third moment stays. Of a sharp one the window cuts more."""
     sharp, soft = (detect(picture(-0.5, blur, 0.3, False)) for blur in (0.5, 1.5))
     part = (np.nanmedian(sharp.width) / np.nanmedian(soft.width)) ** 3
     assert part < skewness(soft) / skewness(sharp) < 2.0 * part < 0.8
