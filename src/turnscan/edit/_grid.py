@@ -176,7 +176,7 @@ def _picked(stripe: Stripe, edit: PickCandidate, found: Candidates) -> Stripe | 
 
 
 def _with_rows(stripe: Stripe, rows: Ints, table: Floats, flags: Flags) -> Stripe:
-    """The stripe with the measures (6, n) of some lines replaced."""
+    """The stripe with the measures (5, n) of some lines replaced."""
     whole = stripe.table()
     whole[:, rows] = table
     bits = stripe.flags.copy()

@@ -112,8 +112,7 @@ def build_grid(
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
-        skewness = np.stack([s.table()[-1, lines] for s in stripes])
-        grid = _judged(grid, rig, (width, skewness), scale, shaky, vertical)
+        grid = _judged(grid, rig, width, scale, shaky, vertical)
     return grid.among(lines, light, flags)
 
 
@@ -187,17 +186,11 @@ def _believable(sigma: Floats, width: Floats, light: Floats, flags: Flags) -> Fl
 
 
 def _judged(
-    grid: RangeGrid,
-    rig: Rig,
-    shape: tuple[Floats, Floats],
-    scale: Floats,
-    shaky: Floats,
-    vertical: bool,
+    grid: RangeGrid, rig: Rig, width: Floats, scale: Floats, shaky: Floats, vertical: bool
 ) -> RangeGrid:
-    """The grid with what the stripes' ``shape``, width (s, n) px and skewness (s, n), and the
-    angles' uncertainty ``shaky`` (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a
-    stripe's centre."""
-    seen = _lit_points(grid, rig, shape, vertical)
+    """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
+    (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
+    seen = _lit_points(grid, rig, width, vertical)
     light = wholeness(seen)
     # A centre that was refined by its own surface element does not depend on the stripe's width.
     single = (grid.flags & StripeFlag.REFINED) == 0
@@ -207,13 +200,13 @@ def _judged(
         grid = without(grid, glow, StripeFlag.DARK)
         if not grid.found.any():
             return grid
-        seen = _lit_points(grid, rig, shape, vertical)
+        seen = _lit_points(grid, rig, width, vertical)
         light = wholeness(seen)
     # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
     thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
-    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(scale.shape)
+    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
     bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
-    thin = thin_doubt(seen, thick) * (bent == 0.0) if thick > 0 else np.zeros(scale.shape)
+    thin = thin_doubt(seen, thick) * (bent == 0.0) if thick > 0 else np.zeros(width.shape)
     points = np.empty_like(grid.points)
     sigma, more = np.empty_like(grid.sigma), np.empty_like(grid.sigma)
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
@@ -267,11 +260,8 @@ def _both_sides(doubt: Floats, closed: bool) -> Floats:
     return np.minimum(before, after)
 
 
-def _lit_points(
-    grid: RangeGrid, rig: Rig, shape: tuple[Floats, Floats], vertical: bool
-) -> LitPoints:
-    """What is known of the light of a grid that knows where its camera stood; ``shape`` is that of
-    its stripes, width (s, n) px and skewness (s, n)."""
+def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:
+    """What is known of the light of a grid that knows where its camera stood."""
     assert grid.eyes is not None
     T, sheet = rig.T_camera_table, rig.sheet(grid.laser)
     found, turn = grid.found, rotation_z(grid.angles)
@@ -290,8 +280,8 @@ def _lit_points(
 
     in_parts(part, len(found), _blocks(len(found)))
     return LitPoints(
-        grid.points, grid.eyes, aside, sheets, shape[0], grid.amplitude, grid.angles, grid.closed,
-        float(np.median(grid.sigma[found])), sheet.thickness or 0.0, shape[1],
+        grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed,
+        float(np.median(grid.sigma[found])), sheet.thickness or 0.0,
     )  # fmt: skip
 
 

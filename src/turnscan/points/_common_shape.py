@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Floats
 from turnscan.stripes import Stripe, StripeFlag
 
 OF_MEDIAN = 2.5
@@ -21,6 +21,8 @@ _SURELY = 2.0
 _FAR, _COMMON = np.pi / 8, 0.5
 """… and the turn, rad, over which less than this part must differ, so that it is the shape of a
 turned part that they have in common: adjacent profiles may share their light, or a print."""
+_OFTEN = 0.8
+"""Part of the pictures about one in which that is so, at least: in some the light leaps."""
 _BLURRED = 0.4
 """Part of what centres further apart scatter with less of which adjacent ones do where a picture is
 blurred along the stripe, by its lens, its colours or JPEG. That rounds off what is turned alike in
@@ -41,7 +43,8 @@ def without_shape(
     photons: Floats, turns: Floats, closed: bool,
 ) -> tuple[Scatters, Floats]:  # fmt: skip
     """What ``about`` makes of the ``own`` scatters of pictures, without the shape that profiles
-    have in common; and (s,) px² for each px of width how much of each picture's own is that.
+    have in common; and (s,) px² for each px of width what each picture says by itself, NaN where it
+    has no such shape.
 
     ``photons`` (s,) is what photons explain, ``turns`` (s,) rad where the table stood, ``closed``
     that the last profile neighbours the first.
@@ -49,19 +52,21 @@ def without_shape(
     step = float(np.median(np.abs(np.diff(np.unwrap(turns))))) if len(turns) > 1 else _FAR
     beside = _still(*(_apart(stripes, closed, k) for k in (1, 2)))
     far = _apart(stripes, closed, max(round(_FAR / max(step, 1e-9)), 1))
-    alone, near, across = about(own), about(beside), about(far)
-    unsure = (
-        _SURELY * OF_MEDIAN * np.sqrt(sum(1.0 / np.maximum(v.counts, 1) for v in (alone, near)))
-    )
-    common: Bools = (near.counts > 0) & (across.counts > 0)
-    common &= alone.values - near.values > unsure * (
-        np.maximum(alone.values, 0.0) + photons[:, None]
-    )
-    common &= across.values < _COMMON * alone.values
-    common &= not _blurred(near, photons)
-    shape = np.where(common, own.values - beside.values, 0.0).max(axis=1)
+    # Of pictures that can be held against those beside them, and of no others.
+    paired = Scatters(own.values, np.where(beside.counts > 0, own.counts, 0.0))
+    alone, whole, near, across = about(own), about(paired), about(beside), about(far)
+    counts = np.maximum(np.stack([whole.counts, near.counts]), 1.0)
+    unsure = _SURELY * OF_MEDIAN * np.sqrt((1.0 / counts).sum(axis=0))
+    less = whole.values - near.values
+    common = (near.counts > 0) & (whole.counts > 0) & (across.counts > 0)
+    common &= less > unsure * (np.maximum(whole.values, 0.0) + photons[:, None])
+    common &= across.values < _COMMON * whole.values
+    often = about(Scatters(np.where(beside.values < own.values, 1.0, 0.0), paired.counts)).values
+    common &= (often >= _OFTEN) & (not _blurred(near, photons))
+    told = common & (beside.counts > 0)
+    itself = np.where(told, beside.values, own.values).max(axis=1)
     values = np.where(common, near.values, alone.values)
-    return Scatters(values, alone.counts), np.maximum(shape, 0.0)
+    return Scatters(values, alone.counts), np.where(told.any(axis=1), itself, np.nan)
 
 
 def _still(one: Scatters, two: Scatters) -> Scatters:

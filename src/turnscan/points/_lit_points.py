@@ -30,6 +30,3 @@ class LitPoints:
     """mm: how far noise usually moves a point."""
     stated: float = 0.0
     """mm rms: how thick the rig says that the sheet is; 0 where it does not."""
-    skewness: Floats | None = None
-    """(s, n) of the light across the stripe, NaN where not known (`Stripe.skewness`); None where
-    nothing measured it."""

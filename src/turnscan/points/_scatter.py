@@ -51,14 +51,14 @@ def pooled_sigma(
     share = np.where(clean, sigma**2 / np.where(clean, width, 1.0), 0.0)
     whole = share.sum(axis=1) / np.maximum(clean.sum(axis=1), 1)
     photons = np.maximum(whole - own, 0.0)
-    mean, told, alike, shape = _together(stripes, photons, turns, closed)
-    own = np.maximum(own - shape, 0.0)
+    mean, told, alike, itself = _together(stripes, photons, turns, closed)
+    itself = np.where(np.isnan(itself), own, np.maximum(itself, 0.0))
     if not told.all():
         mean = np.where(told, mean, of_few_lines(stripes))
     unsure = _DIFFERS * OF_MEDIAN / np.sqrt(np.maximum(count, 1))
-    least = np.maximum((photons + own) / (1 + unsure) - photons, 0.0)
-    most = np.where(unsure < 1, (photons + own) / np.maximum(1 - unsure, 1e-9) - photons, np.inf)
-    more = np.where(weight > 0, np.clip(mean, least, most), mean) - (own + shape)
+    least = np.maximum((photons + itself) / (1 + unsure) - photons, 0.0)
+    most = np.where(unsure < 1, (photons + itself) / np.maximum(1 - unsure, 1e-9) - photons, np.inf)
+    more = np.where(weight > 0, np.clip(mean, least, most), mean) - own
     single = (flags & (StripeFlag.HAND | StripeFlag.REFINED)) == 0
     with np.errstate(invalid="ignore"):
         raised = np.sqrt(np.maximum(sigma**2 + more[:, None] * width, 0.0))
@@ -86,7 +86,7 @@ def _together(
     further than adjacent ones where that is surely more, beside what ``photons`` (s,) explain; and
     (s,) False where none of these has lines enough to tell. Then the correlation of adjacent lines:
     a third difference of independent ones has 20 of their variances, 30 correlations less. And (s,)
-    what of each picture's own is the part's shape."""
+    what each picture says by itself, NaN where that is what `Stripe.scatter` says."""
     own = Scatters(*map(np.stack, zip(*(s.scatters() for s in stripes), strict=True)))
     # A variance is known as well as all that makes it is small: where photons decide, as in light
     # from the bottom of a gap, a picture says little of what its centres scatter besides. Where
@@ -99,7 +99,7 @@ def _together(
         pooled = [_about(value, count, turns, closed) for value, count in columns]
         return Scatters(*(np.stack(v, axis=1) for v in zip(*pooled, strict=True)))
 
-    means, shape = without_shape(stripes, own, about, photons, turns, closed)
+    means, itself = without_shape(stripes, own, about, photons, turns, closed)
     best, told = np.zeros(len(stripes)), np.zeros(len(stripes), np.bool_)
     for i, (mean, count) in enumerate(zip(means.values.T, means.counts.T, strict=True)):
         unsure = _TWICE * OF_MEDIAN / np.sqrt(np.maximum(count, 1.0))
@@ -109,10 +109,10 @@ def _together(
     best = np.maximum(best, 0.0)
     near = (own.counts[:, 0] > 0) & (photons + best > 0)
     if not near.any():
-        return best, told, 0.0, shape
+        return best, told, 0.0, itself
     shown = (photons + means.values[:, 0])[near] / (photons + best)[near]
     alike = float(np.clip((_CHANCE - np.median(shown)) / 1.5, 0.0, _MOST_ALIKE))
-    return best, told, alike, shape
+    return best, told, alike, itself
 
 
 def _about(own: Floats, weight: Floats, turns: Floats, closed: bool) -> tuple[Floats, Floats]:

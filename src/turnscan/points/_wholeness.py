@@ -27,7 +27,6 @@ from turnscan.points._creased import (
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._own_light import Alone, Own, by_own_light, runs_of, spent, strays
-from turnscan.points._symmetry import as_it_leans, steady
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -137,21 +136,19 @@ def wholeness(light: LitPoints) -> Wholeness:
     narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
     (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). By chance
     one line of a doubted stretch looks well, or one of a stretch that is put back stays; it is
-    doubted by a part of what those about it are, or are put back by. Of all this little is left
-    where the stripes are symmetric (`as_it_leans`), but of what is shared between two lines.
+    doubted by a part of what those about it are, or are put back by.
     """
     found = ~np.isnan(light.points[..., 0])
-    width = steady(np.where(found, light.width, np.nan))
-    bright = steady(np.where(found, light.amplitude, np.nan))
+    width = _steady(np.where(found, light.width, np.nan))
+    bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = _arcs(light)
     own, thickness, still = _lying(light, found, width, bright, arcs)
     sizes = _apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
+    more = np.maximum(more, _dips(light.width * light.amplitude, width))
     more = np.maximum(more, _faint_between(width, width * bright, arcs, thickness, light.closed))
-    doubt = as_it_leans(np.maximum(own.doubt, more - np.abs(own.shift)), width, light.skewness)
-    # Light that a line across the stripe shares with another surface is no less symmetric for it.
-    doubt = np.maximum(doubt, _dips(light.width * light.amplitude, width) - np.abs(own.shift))
-    about = np.fmax(steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
+    doubt = np.maximum(own.doubt, more - np.abs(own.shift))
+    about = np.fmax(_steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
     return replace(own, doubt=np.fmax(doubt, _STRETCH * about))
 
 
@@ -175,10 +172,10 @@ def _lying(
     walk, slide, side = _along_steps(kernels.across, light, arcs, (3, 2, *found.shape))
     slide = np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1]))
     side = side.copy()  # not a part of all three, which would be kept with it
-    walk = np.stack([steady(w) for w in walk])
+    walk = np.stack([_steady(w) for w in walk])
     due_on, thickness, told = _due(walk, width, light.stated)
     flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
-    flat = np.stack([steady(w) for w in flat])
+    flat = np.stack([_steady(w) for w in flat])
     bent = creased(
         Widths(width, bright, walk, side, arcs),
         thickness,
@@ -341,6 +338,13 @@ def _cut_off(
     off = np.nan_to_num(scale * 0.5 * (of_width + of_light))
     apart = np.nan_to_num(scale * (of_width - of_light))
     return off, MODEL * np.maximum(np.abs(off), np.abs(apart))
+
+
+def _steady(width: Floats) -> Floats:
+    """The kernel of that name, in parts."""
+    from turnscan.points import _wholeness_kernels as kernels
+
+    return np.concatenate(in_parts(lambda a, b: kernels.steady(width[a:b]), len(width)))
 
 
 def _along_steps(

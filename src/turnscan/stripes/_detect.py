@@ -91,7 +91,7 @@ def scattered(stripe: Stripe) -> Floats:
 
 
 def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
-    """Run the kernel: (6, lines, K) measures of `Stripe.table`, and (lines, K) flags."""
+    """Run the kernel: (5, lines, K) position, sigma, amplitude, width, halo; (lines, K) flags."""
     columns = lit.shape[1 if settings.orientation == "vertical" else 0]
     lit, off, roi = _prepare(lit, dark, settings)
     lines = lit.shape[0]

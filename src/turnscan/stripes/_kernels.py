@@ -34,13 +34,12 @@ from turnscan.stripes._list import (
     REACH,
     ROW,
     SECOND,
-    SKEW,
     START,
     WIDTH,
     find_kin,
     list_candidates,
 )
-from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, skewness, variance_of
+from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, variance_of
 from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, Terms, first_pass, usual_peak
 from turnscan.stripes._strategies import (
     BLAIS_RIOUX,
@@ -127,17 +126,6 @@ def measure_round(
             some[i, PEDESTAL] = pedestal - terms.base
             some[i, GAIN] = gain
             some[i, REACH] = h
-        start = stops[i]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def skew(some: Floats, n: int, pool: Longs, stops: Longs, terms: Terms) -> None:
-    """How far the light in each window leans to one side."""
-    start = 0
-    for i in range(n):
-        last = stops[i] - start - 2
-        pedestal = some[i, PEDESTAL] + terms.base
-        some[i, SKEW] = skewness(pool, start, last, some[i, CENTRE], some[i, REACH], pedestal)
         start = stops[i]
 
 
@@ -229,7 +217,6 @@ def write_down(
         table[1, v, j] = math.sqrt(variance)
         table[2, v, j] = amplitude
         table[3, v, j] = math.sqrt(some[i, SECOND])
-        table[5, v, j] = some[i, SKEW]
         bits[v, j] = flags
 
 
@@ -277,7 +264,6 @@ def measure_candidates(
             smooth_widths(some, n, up, down, ahead)
             measure_round(some, n, pool, stops, terms, 1)
     tails(some, n, pool, stops)
-    skew(some, n, pool, stops, terms)
     write_down(lit, dark, roi, terms, listed, light, table, bits)
     drop_glow(table, bits)
 
@@ -286,7 +272,7 @@ def measure_candidates(
 def detect_lines(
     lit: Image, dark: Image, roi: Region, terms: Terms, table: Floats, bits: Flags
 ) -> None:
-    """Fill ``table`` (6, H, K: the measures of `Stripe.table`) and ``bits`` (H, K).
+    """Fill ``table`` (5, H, K: position, sigma, amplitude, width, halo) and ``bits`` (H, K).
 
     Both come filled with NaN and zeros.
     """

@@ -31,9 +31,9 @@ KIN_DISTANCE, KIN_WIDTH = 4.0, 8.0
 # Columns of the list of candidates.
 (
     ROW, START, PLACE, HEIGHT, HALF, MIDDLE, CENTRE, FLUX, SECOND, INSIDE, PEDESTAL, GAIN, REACH,
-    WIDTH, NEAR, FAR, SKEW,
-) = range(17)  # fmt: skip
-COLUMNS = 17
+    WIDTH, NEAR, FAR,
+) = range(16)  # fmt: skip
+COLUMNS = 16
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -220,30 +220,3 @@ def centre_window(
     c = min(max(c, -0.5), last + 0.5)
     second = max(s2 * part - (s1 * part) ** 2, 0.02)
     return c, h, s0, second, pedestal, gain
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def skewness(sums: Longs, start: int, last: int, c: float, h: float, pedestal: float) -> float:
-    """Third moment of the light above a ``pedestal`` in the window c ± h, about its own centre, in
-    cubes of its rms width; 0 where there is no light.
-
-    Something that cuts a stripe off, or a second surface under it, makes it lean; speckle does so
-    line by line, one way and the other.
-    """
-    a, b = max(math.ceil(c - h), 0), min(math.floor(c + h), last)
-    s0 = s1 = s2 = s3 = 0.0
-    for x in range(a, b + 1):
-        d = x - c
-        q = sums[start + x + 1, 0] - sums[start + x, 0] - pedestal
-        s0 += q
-        s1 += q * d
-        s2 += q * d * d
-        s3 += q * d * d * d
-    if s0 <= 0.0:
-        return 0.0
-    mean = s1 / s0
-    second = s2 / s0 - mean * mean
-    if second <= 0.0:
-        return 0.0
-    third = s3 / s0 - 3.0 * mean * s2 / s0 + 2.0 * mean**3
-    return third / second**1.5

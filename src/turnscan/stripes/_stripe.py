@@ -14,10 +14,8 @@ from turnscan.arrays import Flags, Floats, frozen
 
 Orientation = Literal["vertical", "horizontal"]
 """vertical: one centre per image row (its column); horizontal: one centre per column (its row)."""
-_OPTIONAL = "halo", "skewness"
-_NAMES = "position", "sigma", "amplitude", "width", *_OPTIONAL
-MEASURES = len(_NAMES)
-"""Rows of a table of centres: position, sigma, amplitude, width, halo, skewness."""
+MEASURES = 5
+"""Rows of a table of centres: position, sigma, amplitude, width, halo."""
 
 
 class StripeFlag(IntFlag):
@@ -74,15 +72,11 @@ class Stripe:
     """(n,) px: how far light that spread in the material is estimated to have moved the centre,
     towards higher numbers if positive, where it is flagged HALO; NaN elsewhere and where the tails
     do not tell. None where nothing looked for it."""
-    skewness: Floats | None = None
-    """(n,) of the light in the window: its third moment about its centre, in cubes of its rms
-    width; positive where it falls off more slowly towards higher numbers. NaN where there is no
-    centre; None where nothing measured it."""
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        for name in _NAMES:
-            if name not in _OPTIONAL or getattr(self, name) is not None:
+        for name in ("position", "sigma", "amplitude", "width", "halo"):
+            if name != "halo" or self.halo is not None:
                 values = frozen(getattr(self, name), (n,), f"Stripe.{name}", nan=True)
                 object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, (n,), "Stripe.flags", np.uint16))
@@ -93,15 +87,22 @@ class Stripe:
     ) -> Stripe:
         """A stripe of fresh arrays that no one else writes to: kept as they are, not checked.
 
-        ``table`` (6, n) is position, sigma, amplitude, width, halo and skewness, ``flags`` (n,)
-        uint16; both become read-only. For the detector, where checks and copies would cost a
-        frame's twentieth.
+        ``table`` (5, n) is position, sigma, amplitude, width and halo, ``flags`` (n,) uint16; both
+        become read-only. For the detector, where checks and copies would cost a frame's twentieth.
         """
         table.flags.writeable = False
         flags.flags.writeable = False
         stripe = object.__new__(cls)
+        position, sigma, amplitude, width, halo = table
         stripe.__dict__.update(
-            zip(_NAMES, table, strict=True), flags=flags, orientation=orientation, scatter=scatter
+            position=position,
+            sigma=sigma,
+            amplitude=amplitude,
+            width=width,
+            flags=flags,
+            orientation=orientation,
+            scatter=scatter,
+            halo=halo,
         )
         return stripe
 
@@ -146,14 +147,14 @@ class Stripe:
         return math.nan
 
     def alone(self) -> Floats:
-        """(6, n) as `table`, with the sigmas that the photons explain."""
+        """(5, n) as `table`, with the sigmas that the photons explain."""
         table = self.table()
         photons = table[1] ** 2 - np.nan_to_num(self.scatter) * table[3]
         table[1] = np.sqrt(np.maximum(photons, 0.0))
         return table
 
     def table(self) -> Floats:
-        """(6, n) position, sigma, amplitude, width, halo, skewness: a copy."""
+        """(5, n) position, sigma, amplitude, width, halo: a copy."""
         return _table(self)
 
     @property
@@ -189,15 +190,13 @@ class Candidates:
     be chosen; they tell where a stripe goes on across the region's border."""
     halo: Floats | None = None
     """(n, K) px, as `Stripe.halo`."""
-    skewness: Floats | None = None
-    """(n, K) as `Stripe.skewness`."""
 
     def __post_init__(self) -> None:
         shape = self.position.shape
         if len(shape) != 2:
             raise ValueError(f"Candidates.position: shape {shape}, expected (lines, K)")
-        for name in _NAMES:
-            if name not in _OPTIONAL or getattr(self, name) is not None:
+        for name in ("position", "sigma", "amplitude", "width", "halo"):
+            if name != "halo" or self.halo is not None:
                 values = frozen(getattr(self, name), shape, f"Candidates.{name}", nan=True)
                 object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, shape, "Candidates.flags", np.uint16))
@@ -209,16 +208,16 @@ class Candidates:
     def made_of(
         cls, table: Floats, flags: Flags, orientation: Orientation, beyond: Floats | None = None
     ) -> Candidates:
-        """Candidates of a table (6, n, K) of position, sigma, amplitude, width, halo, skewness."""
-        position, sigma, amplitude, width, halo, skewness = table
-        return cls(position, sigma, amplitude, width, flags, orientation, beyond, halo, skewness)
+        """Candidates of a table (5, n, K) of position, sigma, amplitude, width and halo."""
+        position, sigma, amplitude, width, halo = table
+        return cls(position, sigma, amplitude, width, flags, orientation, beyond, halo)
 
     def table(self) -> Floats:
-        """(6, n, K) position, sigma, amplitude, width, halo, skewness: a copy."""
+        """(5, n, K) position, sigma, amplitude, width, halo: a copy."""
         return _table(self)
 
 
 def _table(of: Stripe | Candidates) -> Floats:
     nothing = np.full(of.position.shape, np.nan)
-    measured = [getattr(of, name) for name in _NAMES]
-    return np.stack([nothing if values is None else values for values in measured])
+    last = nothing if of.halo is None else of.halo
+    return np.stack([of.position, of.sigma, of.amplitude, of.width, last])

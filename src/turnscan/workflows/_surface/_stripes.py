@@ -41,8 +41,6 @@ class ScanStripes:
     orientation: Orientation
     halo: Floats
     """(s, n) px by which halos are estimated to move ``position``, NaN where nothing tells."""
-    skewness: Floats
-    """(s, n) of the light across the stripe (`Stripe.skewness`), NaN where nothing tells."""
 
     @property
     def found(self) -> Bools:
@@ -56,8 +54,8 @@ class ScanStripes:
     def stripe(self, k: int) -> Stripe:
         """The stripe of the k-th frame."""
         own = (self.position[k], self.sigma[k], self.amplitude[k], self.width[k])
-        more = float(self.scatter[k]), self.halo[k], self.skewness[k]
-        return Stripe(*own, self.flags[k], self.orientation, *more)
+        scatter, halo = float(self.scatter[k]), self.halo[k]
+        return Stripe(*own, self.flags[k], self.orientation, scatter, halo)
 
 
 def stripes_of(
@@ -119,5 +117,5 @@ def _arrays(
         flags,
         np.array([s.scatter for s in found], np.float64),
         plan.orientation,
-        *np.array([s.table()[-2:] for s in found]).reshape(len(found), 2, lines).swapaxes(0, 1),
+        np.array([s.table()[-1] for s in found]).reshape(len(found), lines),
     )
