@@ -172,24 +172,30 @@ class RangeSurface:
         Between the rays of two lines the surface may go along either and then across. So it lies
         up to the distance of the rays off their chord, times the cosine of the angle between both;
         a part of that counts, where one chord leads deeper than that beside it, beyond what noise
-        makes of it in the mean over the profiles about it: what is turned, or stands upright, goes
-        on there. A surface that slopes steadily has no such step.
+        makes of it: by itself, or in the mean over the profiles about it, for what is turned, or
+        stands upright, goes on there. A surface that slopes steadily has no such step.
         """
         from turnscan.surface.fusion import _bend_kernels as bends
 
-        X, (below, above) = self.mesh.vertices, self.beside
+        X, above = self.mesh.vertices, self.beside[1]
         ray = X - self.eyes
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         chord = np.where((above < 0)[:, None], np.nan, X[above] - X)
-        both = np.stack([np.einsum("ij,ij->i", chord, ray), np.linalg.norm(chord, axis=1)], 1)
-        deep, long = bends.along(both, *self.neighbours, _ACROSS).T
+        own = np.stack([np.einsum("ij,ij->i", chord, ray), np.linalg.norm(chord, axis=1)], axis=1)
+        mean = bends.along(own, *self.neighbours, _ACROSS)
+        return np.asarray(np.maximum(self._steps(*own.T, 1.0), self._steps(*mean.T, _LEFT)))
+
+    def _steps(self, deep: Floats, long: Floats, left: float) -> Floats:
+        """`between_lines` of chords to the next line that are ``long`` mm and lead so ``deep``
+        along the ray, where so much is ``left`` of noise."""
+        below, above = self.beside
         beside = (np.where(k < 0, np.nan, deep[k]) for k in (below, above))
         with np.errstate(invalid="ignore", divide="ignore"):
             apart = np.sqrt(np.maximum(long**2 - deep**2, 0.0))
             off = _CORNER * np.nan_to_num(apart * np.abs(deep) / long)
             deeper = np.fmax(*(np.abs(deep - o) * (np.abs(deep) > np.abs(o)) for o in beside))
-            off = np.where(deeper > _LEDGE * _LEFT * np.sqrt(6.0) * self.sigma, off, 0.0)
-        return np.maximum(off, np.where(below < 0, 0.0, off[below]))
+            off = np.where(deeper > _LEDGE * left * np.sqrt(6.0) * self.sigma, off, 0.0)
+        return np.asarray(np.maximum(off, np.where(below < 0, 0.0, off[below])))
 
     def _sagitta(self, second: Floats) -> Floats:
         """(v,) mm: of second differences (v,), beyond what noise makes of them."""
