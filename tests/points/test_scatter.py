@@ -268,6 +268,28 @@ def test_what_only_adjacent_profiles_share_is_scatter() -> None:
     assert 0.85 < scatter_of(stripes) / 0.01 < 1.2
 
 
+def test_pictures_in_which_the_light_leaps_do_not_make_the_others_sure() -> None:
+    """They scatter like nothing else, and hardly overlap with those beside them."""
+    noise = np.random.default_rng(12)
+    stripes = [drawn(0.01, noise) for _ in range(60)]
+    wild = [5, 6, 20, 41]
+    for k in wild:
+        there = noise.random(LINES) < 0.4
+        there[:40] = True
+        bare = replace(
+            stripes[k],
+            position=np.where(there, 100 + 30 * noise.normal(size=LINES), np.nan),
+            sigma=np.where(there, NOISE, np.nan),
+            amplitude=np.where(there, 80.0, np.nan), width=np.where(there, WIDTH, np.nan),
+        )  # fmt: skip
+        sigma = scattered(bare)
+        per_width = float(np.nanmax(sigma**2 - NOISE**2) / WIDTH)
+        stripes[k] = replace(bare, sigma=sigma, scatter=per_width)
+    found = np.nanmean(pooled(stripes) ** 2 - NOISE**2, axis=1) / WIDTH
+    assert found.min() > 0.7 * 0.01
+    assert (found[wild] > 10.0).all()
+
+
 def test_in_pictures_that_blur_along_the_stripe_what_is_common_may_be_the_blurs() -> None:
     from scipy.ndimage import gaussian_filter1d
 

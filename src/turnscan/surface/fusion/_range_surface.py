@@ -183,11 +183,12 @@ class RangeSurface:
         chord = np.where((above < 0)[:, None], np.nan, X[above] - X)
         own = np.stack([np.einsum("ij,ij->i", chord, ray), np.linalg.norm(chord, axis=1)], axis=1)
         mean = bends.along(own, *self.neighbours, _ACROSS)
-        return np.asarray(np.maximum(self._steps(*own.T, 1.0), self._steps(*mean.T, _LEFT)))
+        return np.maximum(self._steps(own, 1.0), self._steps(mean, _LEFT))
 
-    def _steps(self, deep: Floats, long: Floats, left: float) -> Floats:
-        """`between_lines` of chords to the next line that are ``long`` mm and lead so ``deep``
-        along the ray, where so much is ``left`` of noise."""
+    def _steps(self, chords: Floats, left: float) -> Floats:
+        """`between_lines` of ``chords`` (v, 2) to the next line, mm along the ray and mm long, where
+        so much is ``left`` of noise."""
+        deep, long = chords.T
         below, above = self.beside
         beside = (np.where(k < 0, np.nan, deep[k]) for k in (below, above))
         with np.errstate(invalid="ignore", divide="ignore"):
