@@ -186,7 +186,7 @@ class RangeSurface:
         return np.maximum(self._steps(own, 1.0), self._steps(mean, _LEFT))
 
     def _steps(self, chords: Floats, left: float) -> Floats:
-        """`between_lines` of ``chords`` (v, 2) to the next line, mm along the ray and mm long, where
+        """`between_lines` of ``chords`` (v, 2) to the next line: mm along the ray and mm long, if
         so much is ``left`` of noise."""
         deep, long = chords.T
         below, above = self.beside
