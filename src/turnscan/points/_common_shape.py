@@ -18,7 +18,7 @@ OF_MEDIAN = 2.5
 """Uncertainty of a variance from the median of n squares, as a part, times √n."""
 _SURELY = 2.0
 """Of those by which profiles scatter less against those beside them than each along itself …"""
-_FAR, _COMMON = np.pi / 8, 0.5
+_FAR, _COMMON = np.pi / 8, 0.35
 """… and the turn, rad, over which less than this part must differ, so that it is the shape of a
 turned part that they have in common: adjacent profiles may share their light, or a print."""
 _OFTEN = 0.8
@@ -60,7 +60,7 @@ def without_shape(
     less = whole.values - near.values
     common = (near.counts > 0) & (whole.counts > 0) & (across.counts > 0)
     common &= less > unsure * (np.maximum(whole.values, 0.0) + photons[:, None])
-    common &= across.values < _COMMON * whole.values
+    common &= across.values - near.values < _COMMON * less
     often = about(Scatters(np.where(beside.values < own.values, 1.0, 0.0), paired.counts)).values
     common &= (often >= _OFTEN) & (not _blurred(near, photons))
     told = common & (beside.counts > 0)
