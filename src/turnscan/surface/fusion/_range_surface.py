@@ -27,16 +27,14 @@ _EVEN, _EVEN_ELSE = 6.0, 10.0
 where slight edges are looked for by themselves."""
 _BULGE = 0.3
 """Part of a chord's sagitta that is doubted where it is made up for on an evenly bent surface."""
-_LEDGE = 2.5
+_LEDGE, _GOES_ON = 2.5, 3.0
 """Times what noise makes of it, by which one chord on a profile leads deeper than that beside it,
-where they are two faces that meet."""
+where they are two faces that meet; and in the mean over profiles."""
 _CORNER = 0.4
 """Part of how far the corner of two rays lies off a chord, one standard deviation."""
-_ACROSS, _LEFT = 2, 0.5
-"""Times that chords of a line are averaged with those of the profiles beside, and what that leaves
-of independent noise, the ends of a turn included."""
 _ALONG = 4
-"""Times that what is known of a bend is averaged over neighbours on the profile."""
+"""Times that what is known of a bend is averaged over neighbours on the profile, and what is known
+of a line over the profiles about."""
 _MEAN = 0.41
 """Of independent noise, what these leave."""
 
@@ -182,12 +180,12 @@ class RangeSurface:
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         chord = np.where((above < 0)[:, None], np.nan, X[above] - X)
         own = np.stack([np.einsum("ij,ij->i", chord, ray), np.linalg.norm(chord, axis=1)], axis=1)
-        mean = bends.along(own, *self.neighbours, _ACROSS)
-        return np.maximum(self._steps(own, 1.0), self._steps(mean, _LEFT))
+        mean = bends.along(own, *self.neighbours, _ALONG)
+        return np.maximum(self._steps(own, _LEDGE), self._steps(mean, _GOES_ON * _MEAN))
 
-    def _steps(self, chords: Floats, left: float) -> Floats:
-        """`between_lines` of ``chords`` (v, 2) to the next line: mm along the ray and mm long, if
-        so much is ``left`` of noise."""
+    def _steps(self, chords: Floats, least: float) -> Floats:
+        """`between_lines` of ``chords`` (v, 2) to the next line, mm along the ray and mm long, of
+        which one leads deeper by ``least`` times what noise makes of single ones."""
         deep, long = chords.T
         below, above = self.beside
         beside = (np.where(k < 0, np.nan, deep[k]) for k in (below, above))
@@ -195,7 +193,7 @@ class RangeSurface:
             apart = np.sqrt(np.maximum(long**2 - deep**2, 0.0))
             off = _CORNER * np.nan_to_num(apart * np.abs(deep) / long)
             deeper = np.fmax(*(np.abs(deep - o) * (np.abs(deep) > np.abs(o)) for o in beside))
-            off = np.where(deeper > _LEDGE * left * np.sqrt(6.0) * self.sigma, off, 0.0)
+            off = np.where(deeper > least * np.sqrt(6.0) * self.sigma, off, 0.0)
         return np.asarray(np.maximum(off, np.where(below < 0, 0.0, off[below])))
 
     def _sagitta(self, second: Floats) -> Floats:
