@@ -19,10 +19,11 @@ OF_MEDIAN = 2.5
 _SURELY = 2.0
 """Of those by which profiles scatter less against those beside them than each along itself …"""
 _FAR, _COMMON = np.pi / 8, 0.35
-"""… and the turn, rad, over which less than this part must differ, so that it is the shape of a
-turned part that they have in common: adjacent profiles may share their light, or a print."""
+"""… and the turn, rad, over which less than this part of it must differ, so that it is the shape of
+a turned part that they have in common: adjacent profiles may share their light, or a print."""
 _OFTEN = 0.8
-"""Part of the pictures about one in which that is so, at least: in some the light leaps."""
+"""Part of the pictures about one that scatter less against those beside them, at least: in some the
+light leaps, and one of these alone makes a mean large."""
 _BLURRED = 0.4
 """Part of what centres further apart scatter with less of which adjacent ones do where a picture is
 blurred along the stripe, by its lens, its colours or JPEG. That rounds off what is turned alike in

@@ -39,7 +39,7 @@ def pooled_sigma(
     does not surely differ; else the nearest value that its own allows. Where none about it has
     lines enough to tell, it has that of all lines of all pictures (`of_few_lines`). What was set
     by hand, or refined, stays. What profiles beside each other have in common is no scatter but the
-    part's shape: collars, a thread (`common_shape`).
+    part's shape: collars, a thread (`without_shape`).
     """
     own = np.array([s.scatter for s in stripes])
     if not (np.isnan(own) | (own > 0)).any():
