@@ -51,8 +51,9 @@ def without_shape(
     that the last profile neighbours the first.
     """
     step = float(np.median(np.abs(np.diff(np.unwrap(turns))))) if len(turns) > 1 else _FAR
-    beside = _still(*(_apart(stripes, closed, k) for k in (1, 2)))
-    far = _apart(stripes, closed, max(round(_FAR / max(step, 1e-9)), 1))
+    some = _differences(stripes)
+    beside = _still(*(_apart(some, len(stripes), closed, k) for k in (1, 2)))
+    far = _apart(some, len(stripes), closed, max(round(_FAR / max(step, 1e-9)), 1))
     # Of pictures that can be held against those beside them, and of no others.
     paired = Scatters(own.values, np.where(beside.counts > 0, own.counts, 0.0))
     alone, whole, near, across = about(own), about(paired), about(beside), about(far)
@@ -88,51 +89,66 @@ def _blurred(near: Scatters, photons: Floats) -> bool:
     return bool(len(shown) and np.median(shown) < _BLURRED)
 
 
-def _apart(stripes: Sequence[Stripe], closed: bool, far: int) -> Scatters:
-    """Of what each profile does not have in common with those ``far`` steps before and after it."""
-    from turnscan.stripes import _choice as k
+class _Differences(NamedTuple):
+    """Third differences along stripes, NaN across a gap or a line that does not count, and the same
+    sums of what explains them; (s, m) each."""
+
+    third: Floats
+    """px."""
+    explained: Floats
+    """px², by sigma."""
+    wide: Floats
+    """px, of the widths."""
+
+
+def _differences(stripes: Sequence[Stripe]) -> list[_Differences]:
+    """Of centres 1, 2 and 4 lines apart, as `stripes._choice.unexplained` takes them."""
+    from turnscan.stripes._choice import LAGS, THIRD
 
     clean = np.uint16(StripeFlag.MULTI | StripeFlag.HALO)
     tables = np.stack([s.alone() for s in stripes])
     tables[:, 0][(np.stack([s.flags for s in stripes]) & ~clean) != 0] = np.nan
     lines = np.flatnonzero(~np.isnan(tables[:, 0]).all(axis=0))
-    values, counts = np.zeros((2, len(stripes), len(k.LAGS)))
-    if not len(lines) or len(stripes) < 2 * far + 1:
-        return Scatters(values, counts)
-    place, sigma, _, width = tables[:, :4, lines[0] : lines[-1] + 1].swapaxes(0, 1)
-    for i, lag in enumerate(k.LAGS):
-        if place.shape[1] > 3 * lag:
-            squares = _squares(place, sigma, width, lag, far)
-            if not closed:
-                squares[-far:] = np.nan
-            count = (~np.isnan(squares)).sum(axis=1)
-            count[count < k.ENOUGH_LINES] = 0
-            found = np.zeros(len(stripes))
-            found[count > 0] = np.nanmedian(squares[count > 0], axis=1)
-            both = count + np.roll(count, far)
-            total = count * found + np.roll(count * found, far)
-            values[:, i], counts[:, i] = total / np.maximum(both, 1), both / 2.0
-    return Scatters(values, counts)
-
-
-def _squares(place: Floats, sigma: Floats, width: Floats, lag: int, far: int) -> Floats:
-    """(s, n - 3 lag) px² for each px of width: the scatter that the difference of third differences
-    of each profile and of that ``far`` steps on asks for, beside what ``sigma`` explains; NaN
-    across a gap. As `stripes._choice.unexplained` of one picture."""
-    from turnscan.stripes._choice import MEDIAN_SQUARE, THIRD
-
-    squares = tuple(factor**2 for factor in THIRD)
-    third = _differences(place, lag, THIRD)
+    about = slice(int(lines[0]), int(lines[-1]) + 1) if len(lines) else slice(0)
+    place, sigma, _, width = tables[:, :4, about].swapaxes(0, 1)
     gaps = np.cumsum(np.pad(np.isnan(place), ((0, 0), (1, 0))), axis=1)
-    third[gaps[:, 3 * lag + 1 :] > gaps[:, : -3 * lag - 1]] = np.nan
-    explained, wide = _differences(sigma**2, lag, squares), _differences(width, lag, squares)
-    after = [np.roll(v, -far, axis=0) for v in (third, explained, wide)]
-    asked = (third - after[0]) ** 2 / MEDIAN_SQUARE - explained - after[1]
-    return np.asarray(asked / (wide + after[2]))
+    squares = tuple(factor**2 for factor in THIRD)
+    out = list[_Differences]()
+    for lag in LAGS:
+        if place.shape[1] <= 3 * lag:
+            break
+        third = _summed(place, lag, THIRD)
+        third[gaps[:, 3 * lag + 1 :] > gaps[:, : -3 * lag - 1]] = np.nan
+        own = (_summed(v, lag, squares) for v in (sigma**2, width))
+        out.append(_Differences(third, *own))
+    return out
 
 
-def _differences(values: Floats, lag: int, factors: tuple[float, ...]) -> Floats:
+def _summed(values: Floats, lag: int, factors: tuple[float, ...]) -> Floats:
     """(s, n - 3 lag) the sum of four values (s, n) so many lines apart, by ``factors``."""
     n = values.shape[1] - 3 * lag
     parts = (f * values[:, (3 - k) * lag :][:, :n] for k, f in enumerate(factors))
     return np.asarray(sum(parts))
+
+
+def _apart(differences: Sequence[_Differences], size: int, closed: bool, far: int) -> Scatters:
+    """Of what each profile does not have in common with those ``far`` steps before and after it."""
+    from turnscan.stripes._choice import ENOUGH_LINES, LAGS, MEDIAN_SQUARE
+
+    values, counts = np.zeros((2, size, len(LAGS)))
+    if size < 2 * far + 1:
+        return Scatters(values, counts)
+    for i, own in enumerate(differences):
+        after = _Differences(*(np.roll(v, -far, axis=0) for v in own))
+        asked = (own.third - after.third) ** 2 / MEDIAN_SQUARE - own.explained - after.explained
+        asked /= own.wide + after.wide
+        if not closed:
+            asked[-far:] = np.nan
+        count = (~np.isnan(asked)).sum(axis=1)
+        count[count < ENOUGH_LINES] = 0
+        found = np.zeros(size)
+        found[count > 0] = np.nanmedian(asked[count > 0], axis=1)
+        both = count + np.roll(count, far)
+        total = count * found + np.roll(count * found, far)
+        values[:, i], counts[:, i] = total / np.maximum(both, 1), both / 2.0
+    return Scatters(values, counts)

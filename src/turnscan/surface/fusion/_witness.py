@@ -96,6 +96,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
         ends = s.mesh.vertices[corners]
         share = _shares(foot, ends)
         nearest = off < least[asked]
+        # Voxels round a step off on all of the face that spans it.
         lines[asked[nearest]] = s.between_lines[corners].max(axis=1)[nearest]
         least[asked] = np.minimum(least[asked], off)
         chord = between * _half_way(share, s.ranks[corners])
