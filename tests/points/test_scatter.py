@@ -290,6 +290,29 @@ def test_pictures_in_which_the_light_leaps_do_not_make_the_others_sure() -> None
     assert (found[wild] > 10.0).all()
 
 
+def test_a_picture_that_nothing_can_be_held_against_keeps_what_it_says() -> None:
+    """Light leaps in one whose lines are not among those of the pictures beside it."""
+    shape = np.where(np.arange(LINES) // 4 % 2, 1.0, -1.0)
+    stripes = turned(shape, np.random.default_rng(7), 60)
+    leaps = 10.0 * np.random.default_rng(8).normal(size=LINES)
+    low = np.arange(LINES) < 90
+    for k in (16, 18, 19, 20, 21, 22, 24):
+        s, there, more = stripes[k], low == (k == 20), leaps * (k == 20)
+        names = ("position", "sigma", "amplitude", "width")
+        kept = {name: np.where(there, getattr(s, name), np.nan) for name in names}
+        bare = replace(s, **{**kept, "position": kept["position"] + more})
+        bare = replace(bare, sigma=np.where(there, NOISE, np.nan))
+        per_width = float(np.nanmax(scattered(bare) ** 2 - NOISE**2) / WIDTH)
+        stripes[k] = replace(bare, sigma=scattered(bare), scatter=per_width)
+    turns = np.arange(60) * 2 * np.pi / 60
+    sigma, width, flags = (
+        np.stack([getattr(s, name) for s in stripes]) for name in ("sigma", "width", "flags")
+    )
+    found = pooled_sigma(stripes, sigma, width, flags, turns, True)[0] ** 2 - NOISE**2
+    assert np.nanmedian(found[20]) / WIDTH > 10.0
+    assert np.nanmedian(found[50]) / WIDTH == pytest.approx(0.01, rel=0.25)
+
+
 def test_in_pictures_that_blur_along_the_stripe_what_is_common_may_be_the_blurs() -> None:
     from scipy.ndimage import gaussian_filter1d
 

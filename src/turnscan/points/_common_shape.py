@@ -21,9 +21,6 @@ _SURELY = 2.0
 _FAR, _COMMON = np.pi / 8, 0.35
 """… and the turn, rad, over which less than this part of it must differ, so that it is the shape of
 a turned part that they have in common: adjacent profiles may share their light, or a print."""
-_OFTEN = 0.8
-"""Part of the pictures about one that scatter less against those beside them, at least: in some the
-light leaps, and one of these alone makes a mean large."""
 _BLURRED = 0.4
 """Part of what centres further apart scatter with less of which adjacent ones do where a picture is
 blurred along the stripe, by its lens, its colours or JPEG. That rounds off what is turned alike in
@@ -63,8 +60,7 @@ def without_shape(
     common = (near.counts > 0) & (whole.counts > 0) & (across.counts > 0)
     common &= less > unsure * (np.maximum(whole.values, 0.0) + photons[:, None])
     common &= across.values - near.values < _COMMON * less
-    often = about(Scatters(np.where(beside.values < own.values, 1.0, 0.0), paired.counts)).values
-    common &= (often >= _OFTEN) & (not _blurred(near, photons))
+    common &= not _blurred(near, photons)
     told = common & (beside.counts > 0)
     itself = np.where(told, beside.values, own.values).max(axis=1)
     values = np.where(common, near.values, alone.values)
