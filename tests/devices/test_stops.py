@@ -69,6 +69,44 @@ def test_a_dark_between_the_modes_and_the_move(dialect: str) -> None:
         assert socket.firmware.turns == pytest.approx(220.0 / 360.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("dialect", ["grbl", "horus"])
+def test_a_dark_whose_order_is_held_up(dialect: str) -> None:
+    """On a busy computer a whole move is sent between the request for dark and its order."""
+    with plugged(dialect, deadlines=PATIENT) as (device, _):
+        link = device._link
+        ask, write = link._ask, link.write
+        sent = threading.Event()
+        ended: list[BaseException] = []
+
+        def turn() -> None:
+            try:
+                device.move_to(math.radians(200.0), 10.0)
+            except TurnscanError as e:
+                ended.append(e)
+
+        mover = threading.Thread(target=turn)
+
+        def noted(data: bytes, darks: int | None = None) -> None:
+            write(data, darks)
+            if data.startswith((b"G1 X", b"G1X")):
+                sent.set()
+
+        def late(kind: bytes, payload: bytes) -> Any:
+            link._ask = ask
+            mover.start()
+            assert sent.wait(10.0)
+            return ask(kind, payload)
+
+        link.write, link._ask = noted, late
+        device.off()
+        mover.join(30.0)
+        assert [type(e) for e in ended] == [Interrupted]
+        if "while the table turned" in device.alarm:
+            device.acknowledge()
+        assert device.alarm == ""
+        device.move_to(math.radians(10.0), 10.0)
+
+
 def test_a_dark_between_a_move_and_the_question_for_its_end() -> None:
     """A board that was reset has ended nothing: its answer would say that the table is there."""
     with plugged("grbl", deadlines=PATIENT) as (device, socket):

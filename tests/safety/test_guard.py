@@ -536,7 +536,7 @@ def test_what_a_guard_did_unasked_passes_as_the_links_failure(
     link = GuardedLink.__new__(GuardedLink)
     link.settings = SimpleNamespace(port="/dev/ttyX")  # type: ignore[assignment]
     link._maybe_lit, link._closing = threading.Event(), threading.Event()
-    link._reached, link._answers, link._barred = 0, {}, None
+    link._unasked_darks, link._answers, link._barred = 0, {}, None
     link._failure = earlier
     link._by_itself(UNKNOWN, b"", b"")
     assert link._failure is earlier if earlier else isinstance(link._failure, LaserStateUnknown)

@@ -140,9 +140,11 @@ class GuardedLink:
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=1)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
-        self._darks = self._darks_before = self._heard = 0
-        self._reached = 0
-        """Darks that are on their way to the board, or that the guard did by itself."""
+        self._heard = 0
+        self._darks = self._darks_before = 0
+        """Darks that are on their way to the board, and how many of them a `write` came after."""
+        self._unasked_darks = 0
+        """Those that the guard did by itself."""
         self._failure: TurnscanError | None = None
         self._barred: TurnscanError | None = None
         """The door or the alarm for which the guard went dark by itself."""
@@ -211,13 +213,11 @@ class GuardedLink:
     @property
     def darks(self) -> int:
         """See `Link`."""
-        return self._reached
+        return self._darks + self._unasked_darks
 
     def write(self, data: bytes, darks: int | None = None) -> None:
         """See `Link`. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
-        if data != b"!":  # it may come from another thread than the one that waits for an answer
-            self._darks_before = self._darks
         for at in range(0, len(data), _PART):
             self._frame(b"W", data[at : at + _PART], darks)
 
@@ -267,7 +267,6 @@ class GuardedLink:
 
     def dark(self) -> bytes:
         """See `Link`; from any thread and state, also after the guard has ended."""
-        self._darks += 1
         try:
             self._check()
             result, _, heard = self._ask(b"D", b"")
@@ -353,16 +352,18 @@ class GuardedLink:
         """The lock keeps frames in one order; who waits for a guard that hangs sees it killed.
 
         A dark counts here, as what was written between its request and its frame came before it.
-        ``darks``: how many there were when what is sent was right; raises Interrupted.
+        ``darks``: what `darks` was when what is sent was right; raises Interrupted.
         """
         if not self._closing.is_set() or kind != b"Q":
             self._check()
         if not self._pipe.acquire(timeout=1.0):
             raise SafetyError(f"{self.settings.port}: the laser guard does not accept requests")
         try:
-            self._reached += kind == b"D"
-            if darks is not None and darks != self._reached:
+            self._darks += kind == b"D"
+            if darks is not None and darks != self.darks:
                 raise Interrupted(self.settings.port)
+            if kind == b"W" and payload != b"!":  # of another thread than that which reads
+                self._darks_before = self._darks
             self._send(_guard.pack(kind, payload))
         finally:
             self._pipe.release()
@@ -514,7 +515,7 @@ class GuardedLink:
         if result == _guard.UNKNOWN:
             self._failure = self._failure or self._unknown(said)
         if self._barred is None:  # where it is barred, nothing is sent before the next dark
-            self._reached += 1
+            self._unasked_darks += 1
         self._note(None, result)
 
     def _rescue(self) -> None:
