@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.stripes.pictures import light, picture
+from turnscan.arrays import Floats
 from turnscan.stripes import StripeFlag, StripeSettings, detect
 
 N = 2000
@@ -67,17 +68,13 @@ def test_what_glows_beside_a_stripe_drags_the_centre_and_is_in_its_sigma(
     assert 0.5 < np.sqrt(np.mean((error / stripe.sigma) ** 2)) < 6.0
 
 
-@pytest.mark.parametrize(("sigma", "run"), [(3.0, 5), (3.0, 11), (4.0, 14), (1.5, 4)])
-@pytest.mark.parametrize("ratio", [1.0, 1 / 1.3, 1.8])
-def test_clipping_moves_a_lopsided_stripe_and_sigma_says_how_far(
-    sigma: float, run: int, ratio: float
-) -> None:
-    """Two halves of Gaussians, whose centre is asked where nothing is clipped; symmetric ones are
-    not moved, and their sigma stays small."""
+def moved_by_clipping(sigma: float, run: int, ratio: float, slant: float) -> tuple[Floats, Floats]:
+    """(n,) px by which clipping over ``run`` px moves stripes of two halves of Gaussians, and their
+    sigma."""
     from scipy.special import erf
 
     rng = np.random.default_rng(17)
-    centre = 80 + 0.03 * np.arange(600)
+    centre = 80.37 + slant * np.arange(600) % 40
     off = np.arange(WIDTH + 1) - 0.5 - centre[:, None]
     wide = np.where(off < 0, sigma / np.sqrt(ratio), sigma * np.sqrt(ratio))
     shape = np.diff(wide * np.sqrt(np.pi / 2) * erf(off / (wide * np.sqrt(2))))
@@ -87,12 +84,37 @@ def test_clipping_moves_a_lopsided_stripe_and_sigma_says_how_far(
     bright = full * np.exp(0.5 * (run / span) ** 2)
     cut = detect(picture(rng, bright * shape, 5.0, full), None, settings)
     assert (cut.flags & StripeFlag.SATURATED).all()
-    moved = cut.position - centre - np.mean(plain.position - centre)
-    z = float(np.sqrt(np.mean((moved / cut.sigma) ** 2)))
+    return cut.position - centre - np.mean(plain.position - centre), cut.sigma
+
+
+@pytest.mark.parametrize(("sigma", "run"), [(3.0, 5), (3.0, 11), (4.0, 14), (1.5, 4)])
+@pytest.mark.parametrize("ratio", [1.0, 1 / 1.3, 1.8])
+def test_clipping_moves_a_lopsided_stripe_and_sigma_says_how_far(
+    sigma: float, run: int, ratio: float
+) -> None:
+    """The centre is asked where nothing is clipped; symmetric ones are not moved, and their sigma
+    stays small."""
+    moved, stated = moved_by_clipping(sigma, run, ratio, 0.03)
+    z = float(np.sqrt(np.mean((moved / stated) ** 2)))
     if ratio == 1.0:
         assert abs(moved.mean()) < 0.01 * sigma
-        assert np.median(cut.sigma) < 0.04
+        assert np.median(stated) < 0.04
         assert 0.3 < z < 1.2
     else:
         assert np.sign(moved.mean()) == np.sign(ratio - 1.0)
         assert 0.6 < z < 1.4
+
+
+@pytest.mark.parametrize(("sigma", "run"), [(1.5, 8), (1.5, 12), (1.2, 6)])
+@pytest.mark.parametrize("slant", [0.0, 0.003, 0.2])
+def test_flanks_that_fall_within_a_pixel_or_two_leave_the_centre_open(
+    sigma: float, run: int, slant: float
+) -> None:
+    """The fewer phases of the pixels there are, the less flanks say of each other."""
+    for ratio in (1.2, 1.8):
+        moved, stated = moved_by_clipping(sigma, run, ratio, slant)
+        assert moved.mean() > 0.1
+        assert 0.6 < np.sqrt(np.mean((moved / stated) ** 2)) < 2.5
+    moved, stated = moved_by_clipping(sigma, run, 1.0, slant)
+    assert abs(moved.mean()) < 0.01 * sigma
+    assert np.median(stated) > 0.03

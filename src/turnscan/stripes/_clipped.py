@@ -25,9 +25,12 @@ CUT_SHIFT, CUT_FLANKS = 0.4, 3.0
 """A stripe of which c pixels are full, the flanks beside are as much light as F full pixels, and
 these flanks differ by a share q, is moved by q·CUT_SHIFT·c² / (c + CUT_FLANKS·F) px when it is
 clipped: for two halves of Gaussians of widths 1 : 1.2 to 1 : 2 and c of 4 to 14 px, to a tenth."""
-FALL_PHASE = 0.15
+FALL_PHASE, LARGEST_PHASE = 0.5, 0.2
 """Scatter of q from the phase of the pixels, where the falls of both flanks together take one
-pixel; it goes with the inverse square of that (Gaussians of 1.5 to 5 px)."""
+pixel, and what it is at most; it goes with the inverse cube of that (Gaussians of 1 to 5 px)."""
+USUAL_SHARE = 0.2
+"""q of stripes before anything is known of them, rms; half as much again makes one flank twice
+as wide as the other."""
 NEIGHBOURS = 15
 """Lines on either side whose flanks are taken together."""
 
@@ -81,35 +84,36 @@ def fall(line: Floats, start: int, step: int, level: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cut_shift(line: Floats, full: Floats, level: float, flank: float) -> tuple[float, float]:
-    """px by which being clipped moved the centre, and the variance of that from the pixels' phase.
+def cut_share(line: Floats, full: Floats, level: float, flank: float) -> tuple[float, float, float]:
+    """q of the flanks of a clipped stripe, its variance from the phase of the pixels, and the px by
+    which being clipped moves the centre for each 1 of q.
 
     ``line`` is the light of a line of the picture, ``full`` (2,) the first and last pixel that is
-    saturated, ``level`` the light of one, ``flank`` what is beside them in full pixels. Zero where
-    a flank does not fall: nothing is known of it.
+    saturated, ``level`` the light of one, ``flank`` what is beside them in full pixels. All zero
+    where a flank does not fall: nothing is known of it.
     """
     left, right = fall(line, int(full[0]), -1, level), fall(line, int(full[1]), 1, level)
     both = left + right
     if math.isnan(both) or both <= 0.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     count = full[1] - full[0] + 1.0
     unit = CUT_SHIFT * count * count / (count + CUT_FLANKS * max(flank, 0.0))
-    return unit * (right - left) / both, (unit * FALL_PHASE / (both * both)) ** 2
+    return (right - left) / both, min(FALL_PHASE / both**3, LARGEST_PHASE) ** 2, unit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def lopsided(
     some: Floats, n: int, lit: Image, dark: Image, base: float, roi: Region, saturation: float
 ) -> tuple[Longs, Floats]:
-    """(n,) saturated pixels of each candidate, and (n,) px² by which its flanks say that clipping
-    moved its centre, squared: of one that is clipped the light that is lost was not in its middle.
+    """(n,) saturated pixels of each candidate, and (n,) px² by which clipping may have moved its
+    centre, squared: of one that is clipped the light that is lost was not in its middle.
 
     Flanks of lines nearby are taken together: speckle and the phase of the pixels differ from line
-    to line. What these make of the mean is taken off.
+    to line. What they leave open counts, too.
     """
     u0, _, u1, _ = roi
     count, out = np.zeros(n, np.int64), np.zeros(n)
-    shift, phase, middle = np.zeros(n), np.zeros(n), np.zeros(n)
+    share, phase, unit, middle = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     line, full = np.zeros(lit.shape[1]), np.zeros(2)
     paired = dark.shape[0] > 1
     for i in range(n):
@@ -126,32 +130,38 @@ def lopsided(
         level = saturation - dark[w, low] - base
         flank = some[i, FLUX] / max(some[i, HEIGHT], 1.0) - count[i]
         full[0], full[1] = low - a, high - a
-        shift[i], phase[i] = cut_shift(line[a:b], full, level, flank)
+        share[i], phase[i], unit[i] = cut_share(line[a:b], full, level, flank)
     for i in range(n):
-        if count[i]:
-            out[i] = _surely(some, i, n, count, middle, shift, phase)
+        if unit[i] > 0.0:
+            out[i] = unit[i] ** 2 * _square(some, i, n, unit, middle, share, phase)
     return count, out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _surely(
-    some: Floats, i: int, n: int, count: Longs, middle: Floats, shift: Floats, phase: Floats
+def _square(
+    some: Floats, i: int, n: int, known: Floats, middle: Floats, share: Floats, phase: Floats
 ) -> float:
-    """px², the square of the mean shift of the clipped stripes about i, less what is chance."""
+    """Expected square of q at i, from the clipped stripes about it and from what is usual.
+
+    Lines between which the stripe moves by less than a pixel have much of its phase in common.
+    """
     total, squares, chance, many = 0.0, 0.0, 0.0, 0
+    low, high = middle[i], middle[i]
     for way in (-1, 1):
         j = i if way < 0 else i + 1
         while 0 <= j < n:
             rows = abs(some[j, ROW] - some[i, ROW])
             if rows > NEIGHBOURS:
                 break
-            if count[j] and abs(middle[j] - middle[i]) <= rows + some[i, WIDTH]:
-                total += shift[j]
-                squares += shift[j] * shift[j]
+            if known[j] > 0.0 and abs(middle[j] - middle[i]) <= rows + some[i, WIDTH]:
+                total += share[j]
+                squares += share[j] * share[j]
                 chance += phase[j]
                 many += 1
+                low, high = min(low, middle[j]), max(high, middle[j])
             j += way
     mean = total / many
-    error = 2.0 * chance / many
+    error = max(1.0 - (high - low), 1.0 / many) * chance / many
     error += max(squares / many - mean * mean, 0.0) / max(many - 1, 1)
-    return max(mean * mean - error, 0.0)
+    believed = USUAL_SHARE**2 / (USUAL_SHARE**2 + error)
+    return believed * (believed * mean * mean + error)
