@@ -23,9 +23,12 @@ _SURE = 11.2
 _ALONE = 6.3
 """… and one by itself, of a profile beyond which nothing was seen: twice what noise makes of it."""
 _EVEN, _EVEN_ELSE = 6.0, 10.0
-"""Sigma by which a bend differs from those beside it at most, where the surface bends evenly; and
-where slight edges are looked for by themselves."""
-_BULGE = 0.3
+"""Sigma by which a bend differs from those beside it at most, in the mean along the profiles, where
+the surface bends evenly; and where slight edges are looked for by themselves."""
+_CHORD, _CHORDS = 2.0, 1.5
+"""Times what noise makes of it, beyond which a point lies off the chord of its neighbours; and in
+the mean along the profile."""
+_BULGE = 0.2
 """Part of a chord's sagitta that is doubted where it is made up for on an evenly bent surface."""
 _LEDGE, _GOES_ON = 2.5, 3.0
 """Times what noise makes of it, by which one chord on a profile leads deeper than that beside it,
@@ -140,7 +143,8 @@ class RangeSurface:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal
-        beyond what noise makes of it, which is the sagitta of what bends evenly. There a merge
+        beyond what noise makes of it, by itself or in the mean along the profile, which is the
+        sagitta of what bends evenly. There a merge
         bulges its faces (`bend`, `_variance_kernels.rise`); what that does not make up for of
         the sagitta counts, and a part of it. Where there are not three profiles in a row nothing is
         known of the bend; there it is an eighth of the usual distance between two profiles. Up to
@@ -199,7 +203,16 @@ class RangeSurface:
     def _sagitta(self, second: Floats) -> Floats:
         """(v,) mm: of second differences (v,), beyond what noise makes of them."""
         # Noise bends three points by the root of six of it.
-        return np.asarray(np.sqrt(np.maximum(second**2 - 6.0 * self.sigma**2, 0.0)) / 8.0)
+        noise = np.sqrt(6.0) * self.sigma
+        own = second**2 - (_CHORD * noise) ** 2
+        mean = self._along(second) ** 2 - (_CHORDS * _MEAN * noise) ** 2
+        return np.asarray(np.sqrt(np.maximum(np.maximum(own, mean), 0.0)) / 8.0)
+
+    def _along(self, values: Floats) -> Floats:
+        """(v,) means of ``values`` (v,) along the profiles; NaN where these are."""
+        from turnscan.surface.fusion import _bend_kernels as bends
+
+        return bends.along(values[:, None], *self.beside, _ALONG)[:, 0]
 
     def _bulge(self) -> Floats:
         """(v,) mm: by how much of their second difference merged faces bulge to both sides."""
@@ -213,10 +226,10 @@ class RangeSurface:
         """(v,) True where the profiles about a vertex bend like its own (second differences), the
         less so where ``slight`` edges are found by themselves."""
         before, after = self.neighbours
+        mean = self._along(second)
         with np.errstate(invalid="ignore"):
             apart = [
-                np.where(other < 0, np.nan, np.abs(second - second[other]))
-                for other in (before, after)
+                np.where(other < 0, np.nan, np.abs(mean - mean[other])) for other in (before, after)
             ]
             return np.asarray(np.fmax(*apart) <= (_EVEN_ELSE if slight else _EVEN) * self.sigma)
 
