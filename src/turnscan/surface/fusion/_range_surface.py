@@ -25,9 +25,9 @@ _ALONE = 6.3
 _EVEN, _EVEN_ELSE = 6.0, 10.0
 """Sigma by which a bend differs from those beside it at most, in the mean along the profiles, where
 the surface bends evenly; and where slight edges are looked for by themselves."""
-_CHORD, _CHORDS = 2.0, 1.5
-"""Times what noise makes of it, beyond which a point lies off the chord of its neighbours; and in
-the mean along the profile."""
+_CHORD = 1.7
+"""Times what noise makes of it, beyond which a point lies off the chord of its neighbours, or the
+mean along the profile does."""
 _BULGE = 0.2
 """Part of a chord's sagitta that is doubted where it is made up for on an evenly bent surface."""
 _LEDGE, _GOES_ON = 2.5, 3.0
@@ -203,9 +203,8 @@ class RangeSurface:
     def _sagitta(self, second: Floats) -> Floats:
         """(v,) mm: of second differences (v,), beyond what noise makes of them."""
         # Noise bends three points by the root of six of it.
-        noise = np.sqrt(6.0) * self.sigma
-        own = second**2 - (_CHORD * noise) ** 2
-        mean = self._along(second) ** 2 - (_CHORDS * _MEAN * noise) ** 2
+        noise = _CHORD * np.sqrt(6.0) * self.sigma
+        own, mean = second**2 - noise**2, self._along(second) ** 2 - (_MEAN * noise) ** 2
         return np.asarray(np.sqrt(np.maximum(np.maximum(own, mean), 0.0)) / 8.0)
 
     def _along(self, values: Floats) -> Floats:
