@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from turnscan.arrays import Floats
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, Provenance
 from turnscan.surface.holes import holes
 from turnscan.surface.holes._spans import smoothed, spanned, unit
 
 R, HIGH = 20.0, 40.0
+APART = 2.0
+"""mm from vertex to vertex."""
 
 
 def _tube(gap: tuple[float, float] | None) -> Mesh:
@@ -33,7 +35,7 @@ def _tube(gap: tuple[float, float] | None) -> Mesh:
 def _shares(mesh: Mesh) -> Floats:
     """Of the lower end, the window, the upper end."""
     found = sorted(holes(mesh), key=lambda h: h.centre[2])
-    return spanned(mesh, found)
+    return spanned(mesh, found, APART)
 
 
 def test_the_ends_of_a_tube_face_nothing() -> None:
@@ -46,6 +48,36 @@ def test_a_window_is_faced_all_round(wide: float) -> None:
     share = _shares(_tube((1.0, 1.0 + wide)))
     assert share[1] > 0.9
     assert share[[0, 2]].max() == 0.0
+
+
+def _scattered(mesh: Mesh, sigma: float, part: float) -> Mesh:
+    """A ``part`` of the vertices at the window lie off by 4 mm of scatter, and state ``sigma`` mm;
+    the others 0.1 mm."""
+    window = sorted(holes(mesh), key=lambda h: h.centre[2])[1]
+    n, rng = len(mesh.vertices), np.random.default_rng(6)
+    off = np.zeros(n)
+    loop = window.loop[: round(part * len(window.loop))]
+    off[loop] = rng.normal(0.0, 4.0, len(loop))
+    stated = np.full(n, 0.1)
+    stated[loop] = sigma
+    none = np.zeros(n, np.int32)
+    out = mesh.vertices * [1.0, 1.0, 0.0] / R
+    return Mesh(
+        mesh.vertices + off[:, None] * out, mesh.faces,
+        provenance=Provenance(stated, none, none, none, ("L",)),
+    )  # fmt: skip
+
+
+def test_corners_that_are_known_badly_say_nothing() -> None:
+    window = _tube((1.0, 1.3))
+    trusted, doubted = (_shares(_scattered(window, s, 0.5))[1] for s in (0.1, 1.5))
+    assert trusted < 0.75 < 0.9 < doubted
+
+
+def test_where_hardly_any_corner_is_known_well_all_count() -> None:
+    window = _tube((1.0, 1.3))
+    trusted, doubted = (_shares(_scattered(window, s, 0.9))[1] for s in (0.1, 1.5))
+    assert trusted == doubted < 0.75
 
 
 def test_the_sums_go_round_the_border_and_nothing_has_no_direction() -> None:

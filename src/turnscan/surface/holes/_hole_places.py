@@ -95,7 +95,7 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     bent = np.einsum("ij,ij->i", n, rims.normals[rim]) < 0.5
     asked = np.maximum(np.bincount(hole, minlength=len(found)), 1)
     inner = np.bincount(hole, island, len(found)) > 0.5 * asked
-    smooth = spanned(mesh, found) >= _SPANNED
+    smooth = spanned(mesh, found, face) >= _SPANNED
     smooth &= np.bincount(hole, bent, len(found)) <= 0.5 * asked
     return Places(at, n, hole, face, _MARGIN * usual, bent, wide, size, smooth, inner)
 

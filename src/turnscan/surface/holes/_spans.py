@@ -23,15 +23,24 @@ _ALL = 6000
 """Corners of all borders that are asked, about."""
 _ALONG = 2
 """Corners to either side over which the direction of a border is taken: single ones zigzag."""
+_VAGUE, _FEW = 0.5, 0.25
+"""Part of what two samples are apart by which a corner may lie off to say how the surface goes on;
+all say it where fewer than this part of a border do."""
 
 
-def spanned(mesh: Mesh, found: Sequence[Hole]) -> Floats:
-    """(h,) share of each hole's border that some border faces over a smooth arc."""
+def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
+    """(h,) share of each hole's border that some border faces over a smooth arc, of those corners
+    that are known well beside what two samples are ``apart``, mm.
+
+    At the rim of a dark patch the last of the light is bright beside, and points lie off.
+    """
     from turnscan.surface.holes import _span_kernels as kernels
 
     normals = np.nan_to_num(vertex_normals(mesh))
     most = max(8, min(_CORNERS, _ALL // max(len(found), 1)))
-    X, n, outward = [], [], []
+    p = mesh.provenance
+    vague = np.zeros(len(normals), np.bool_) if p is None else p.sigma > _VAGUE * apart
+    X, n, outward, known = [], [], [], []
     for h in found:
         corners = mesh.vertices[h.loop]
         up = unit(smoothed(normals[h.loop]))
@@ -40,9 +49,12 @@ def spanned(mesh: Mesh, found: Sequence[Hole]) -> Floats:
         X.append(corners[few])
         n.append(up[few])
         outward.append(unit(np.cross(smoothed(along), up))[few])
+        well = ~vague[h.loop][few]
+        known.append(well if well.mean() >= _FEW else np.ones_like(well))
     owner = np.repeat(np.arange(len(found)), [len(x) for x in X])
     ok = kernels.facing(np.concatenate(X), np.concatenate(n), np.concatenate(outward))
-    share = np.bincount(owner, ok, len(found)) / np.bincount(owner, minlength=len(found))
+    told = np.concatenate(known)
+    share = np.bincount(owner, ok & told, len(found)) / np.bincount(owner, told, len(found))
     return np.asarray(share, dtype=np.float64)
 
 
