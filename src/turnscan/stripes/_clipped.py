@@ -89,15 +89,15 @@ def cut_share(line: Floats, full: Floats, level: float, flank: float) -> tuple[f
     which being clipped moves the centre for each 1 of q.
 
     ``line`` is the light of a line of the picture, ``full`` (2,) the first and last pixel that is
-    saturated, ``level`` the light of one, ``flank`` what is beside them in full pixels. All zero
+    saturated, ``level`` the light of one, ``flank`` what is beside them in full pixels. q is NaN
     where a flank does not fall: nothing is known of it.
     """
     left, right = fall(line, int(full[0]), -1, level), fall(line, int(full[1]), 1, level)
     both = left + right
-    if math.isnan(both) or both <= 0.0:
-        return 0.0, 0.0, 0.0
     count = full[1] - full[0] + 1.0
     unit = CUT_SHIFT * count * count / (count + CUT_FLANKS * max(flank, 0.0))
+    if math.isnan(both) or both <= 0.0:
+        return math.nan, 0.0, unit
     return (right - left) / both, min(FALL_PHASE / both**3, LARGEST_PHASE) ** 2, unit
 
 
@@ -132,16 +132,17 @@ def lopsided(
         full[0], full[1] = low - a, high - a
         share[i], phase[i], unit[i] = cut_share(line[a:b], full, level, flank)
     for i in range(n):
-        if unit[i] > 0.0:
-            out[i] = unit[i] ** 2 * _square(some, i, n, unit, middle, share, phase)
+        if count[i]:
+            out[i] = unit[i] ** 2 * _square(some, i, n, count, middle, share, phase)
     return count, out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _square(
-    some: Floats, i: int, n: int, known: Floats, middle: Floats, share: Floats, phase: Floats
+    some: Floats, i: int, n: int, count: Longs, middle: Floats, share: Floats, phase: Floats
 ) -> float:
-    """Expected square of q at i, from the clipped stripes about it and from what is usual.
+    """Expected square of q at i, from the clipped stripes about it that tell it, and from what is
+    usual.
 
     Lines between which the stripe moves by less than a pixel have much of its phase in common.
     """
@@ -153,13 +154,16 @@ def _square(
             rows = abs(some[j, ROW] - some[i, ROW])
             if rows > NEIGHBOURS:
                 break
-            if known[j] > 0.0 and abs(middle[j] - middle[i]) <= rows + some[i, WIDTH]:
+            near = abs(middle[j] - middle[i]) <= rows + some[i, WIDTH]
+            if count[j] and near and not math.isnan(share[j]):
                 total += share[j]
                 squares += share[j] * share[j]
                 chance += phase[j]
                 many += 1
                 low, high = min(low, middle[j]), max(high, middle[j])
             j += way
+    if not many:
+        return USUAL_SHARE**2
     mean = total / many
     error = max(1.0 - (high - low), 1.0 / many) * chance / many
     error += max(squares / many - mean * mean, 0.0) / max(many - 1, 1)

@@ -142,28 +142,25 @@ class RangeSurface:
     def between(self, edges: float = 0.0, *, slight: bool = False, ends: bool = False) -> Floats:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
-        An eighth of its second difference from profile to profile, along the normal
-        beyond what noise makes of it, by itself or in the mean along the profile, which is the
-        sagitta of what bends evenly. There a merge
-        bulges its faces (`bend`, `_variance_kernels.rise`); what that does not make up for of
-        the sagitta counts, and a part of it. Where there are not three profiles in a row nothing is
-        known of the bend; there it is an eighth of the usual distance between two profiles. Up to
-        ``edges`` mm it counts what an edge between them does, with ``slight`` also one of which one
-        profile shows little, with ``ends`` also one before a profile beyond which there is none.
+        An eighth of its second difference from profile to profile, along the normal beyond what
+        noise makes of it, by itself or in the mean along the profile, which is the sagitta of what
+        bends evenly. There a merge bulges its faces (`bend`, `_variance_kernels.rise`); what that
+        does not make up for of the sagitta counts, and a part of it. Where there are not three
+        profiles in a row nothing is known of the bend; there it is an eighth of the usual distance
+        between two profiles. Up to ``edges`` mm it counts what an edge between them does, with
+        ``slight`` also one of which one profile shows little, with ``ends`` also one before a
+        profile beyond which there is none.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
-        second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
-        second = np.where((before < 0) | (after < 0), np.nan, second)
-        off = self._sagitta(second)
-        told = np.hypot(self._sagitta(second + self._bulge()), _BULGE * off)
-        off = np.where(self._evenly(second, slight), np.fmin(off, told), off)
+        off, told = self._sagittas
+        off = np.where(self._evenly(slight), np.fmin(off, told), off)
         aside = np.fmax(
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
         off = np.where(np.isnan(off), aside, off)
         if edges > 0:
             # Where nothing is known of the bend, no edge that was not seen says there is none.
-            off = np.maximum(off, np.minimum(self._creases(second, slight, ends), edges))
+            off = np.maximum(off, np.minimum(self._creases(slight, ends), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
@@ -200,12 +197,30 @@ class RangeSurface:
             off = np.where(deeper > least * np.sqrt(6.0) * self.sigma, off, 0.0)
         return np.asarray(np.maximum(off, np.where(below < 0, 0.0, off[below])))
 
-    def _sagitta(self, second: Floats) -> Floats:
-        """(v,) mm: of second differences (v,), beyond what noise makes of them."""
+    @cached_property
+    def _seconds(self) -> tuple[Floats, Floats]:
+        """(v,) mm twice: second differences from profile to profile, along the normal, and their
+        means along the profile; NaN where there are not three in a row."""
+        X, (before, after) = self.mesh.vertices, self.neighbours
+        own = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
+        own = np.where((before < 0) | (after < 0), np.nan, own)
+        return own, self._along(own)
+
+    @cached_property
+    def _sagittas(self) -> tuple[Floats, Floats]:
+        """(v,) mm twice: of the chords to the profiles about, and what stays doubted of them where
+        the faces of a merge bulge."""
+        second, mean = self._seconds
+        whole, left = self._sagitta(second, mean), second + self._bulge()
+        return whole, np.hypot(self._sagitta(left, self._along(left)), _BULGE * whole)
+
+    def _sagitta(self, second: Floats, mean: Floats) -> Floats:
+        """(v,) mm: of second differences (v,) and their means along the profile (v,), beyond what
+        noise makes of either."""
         # Noise bends three points by the root of six of it.
         noise = _CHORD * np.sqrt(6.0) * self.sigma
-        own, mean = second**2 - noise**2, self._along(second) ** 2 - (_MEAN * noise) ** 2
-        return np.asarray(np.sqrt(np.maximum(np.maximum(own, mean), 0.0)) / 8.0)
+        more = np.maximum(second**2 - noise**2, mean**2 - (_MEAN * noise) ** 2)
+        return np.asarray(np.sqrt(np.maximum(more, 0.0)) / 8.0)
 
     def _along(self, values: Floats) -> Floats:
         """(v,) means of ``values`` (v,) along the profiles; NaN where these are."""
@@ -221,20 +236,20 @@ class RangeSurface:
         before, after = (kernels.rises(X, self.bend, step, other) for other in self.neighbours)
         return np.asarray(before + after)
 
-    def _evenly(self, second: Floats, slight: bool) -> Bools:
-        """(v,) True where the profiles about a vertex bend like its own (second differences), the
-        less so where ``slight`` edges are found by themselves."""
+    def _evenly(self, slight: bool) -> Bools:
+        """(v,) True where the profiles about a vertex bend like its own, the less so where
+        ``slight`` edges are found by themselves."""
         before, after = self.neighbours
-        mean = self._along(second)
+        mean = self._seconds[1]
         with np.errstate(invalid="ignore"):
             apart = [
                 np.where(other < 0, np.nan, np.abs(mean - mean[other])) for other in (before, after)
             ]
             return np.asarray(np.fmax(*apart) <= (_EVEN_ELSE if slight else _EVEN) * self.sigma)
 
-    def _creases(self, second: Floats, slight: bool, ends: bool) -> Floats:
+    def _creases(self, slight: bool, ends: bool) -> Floats:
         """(v,) mm: how far an edge between two profiles stands off their chord, from the second
-        differences (v,) along the normal.
+        differences along the normal.
 
         An edge that divides a step as t : 1 − t bends the profiles beside it by (1 − t) and t of
         its turn, and stands t (1 − t) of that off the chord: the product of the two bends over
@@ -242,7 +257,7 @@ class RangeSurface:
         each of the two, or, for a ``slight`` one, both together. Of a profile beyond which there is
         none nobody knows how the surface bends there: at the ``ends``, as much as before it.
         """
-        before, after = self.neighbours
+        (before, after), (second, _) = self.neighbours, self._seconds
         out = np.zeros(len(second))
         for near, far in ((before, after), (after, before)):
             there = (near >= 0) & (far >= 0)
