@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from turnscan.rig import Rig
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Bench
-from turnscan.surface.holes import Hole
+from turnscan.surface.holes import Cause, Hole
 
 RIG = "paper"
 ASKED = 5_000
@@ -46,9 +46,13 @@ class Share:
     missing: float = 0.0
     """Of the part's surface, beside any hole."""
     right: float = 0.0
-    """In holes that bear the name of the most of it."""
+    """In holes that bear the name of the most of it first."""
+    either: float = 0.0
+    """In holes that bear it first or second …"""
+    two: float = 0.0
+    """… and in those that have two names at all."""
     places: float = 0.0
-    """Where the name of the hole is right at the place itself: less, as one hole has one name."""
+    """Where a name of the hole is right at the place itself."""
     taken: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Missing area by the true cause of the most of its hole and by the name."""
 
@@ -56,15 +60,17 @@ class Share:
         return Share(
             self.missing + other.missing,
             self.right + other.right,
+            self.either + other.either,
+            self.two + other.two,
             self.places + other.places,
             self.taken + other.taken,
         )
 
     def cells(self) -> tuple[str, ...]:
-        """For a table: area, and both shares."""
+        """For a table: area, and the shares."""
         whole = max(self.missing, 1e-9)
         return f"{self.missing:.0f}", *(
-            f"{100 * some / whole:.1f}" for some in (self.right, self.places)
+            f"{100 * some / whole:.1f}" for some in (self.right, self.either, self.two, self.places)
         )
 
 
@@ -80,29 +86,37 @@ def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
     few = np.arange(0, len(gone), max(1, len(gone) // ASKED))
     area = float(true.area[gone].sum()) / max(float(true.area[gone[few]].sum()), 1e-9)
     some, owner = true.some(gone[few]), owner[few]
-    names = np.array([truth.NAMES.index(h.cause) if h.cause in truth.NAMES else -1 for h in holes])
-    right, placed = np.zeros(len(holes), np.bool_), np.zeros(len(owner), np.bool_)
+    names = _numbers(h.cause for h in holes), _numbers(h.also for h in holes)
+    right, placed = np.zeros((2, len(holes)), np.bool_), np.zeros(len(owner), np.bool_)
     word = np.zeros(len(holes), np.int32)
     for limits in LIMITS:
         label = truth.labels(made, some, steps, *limits)
         votes, total = _votes(made, some, owner, label, steps, len(holes))
         word = np.argmax(votes, axis=1).astype(np.int32)
         best = votes.max(axis=1)
-        mine = np.where(names < 0, -1.0, votes[np.arange(len(holes)), names])
-        half = 0.5 * total
-        right |= (mine >= np.minimum(best - 1e-9, half)) & (best > 0)
-        placed |= (_RIGHT[label, names[owner]] > 0) & (names[owner] >= 0)
+        for k, name in enumerate(names):
+            mine = np.where(name < 0, -1.0, votes[np.arange(len(holes)), name])
+            right[k] |= (mine >= np.minimum(best - 1e-9, 0.5 * total)) & (best > 0)
+            placed |= (_RIGHT[label, name[owner]] > 0) & (name[owner] >= 0)
     taken: Counter[tuple[str, str]] = Counter()
     lost = area * np.bincount(owner, some.area, len(holes))
     for k, h in enumerate(holes):
         said = str(h.cause)
-        taken[said if right[k] else truth.NAMES[word[k]], said] += round(float(lost[k]))
+        taken[said if right[0, k] else truth.NAMES[word[k]], said] += round(float(lost[k]))
     return Share(
         float(lost.sum()),
-        float(lost[right].sum()),
+        float(lost[right[0]].sum()),
+        float(lost[right.any(axis=0)].sum()),
+        float(lost[names[1] >= 0].sum()),
         area * float(some.area[placed].sum()),
         taken,
     )
+
+
+def _numbers(names: Iterable[Cause | None]) -> Ints:
+    """(h,) of names of causes; −1 for those that the truth does not know, and for none."""
+    known = [truth.NAMES.index(n) if n in truth.NAMES else -1 for n in names]
+    return np.array(known, dtype=np.int32)
 
 
 LIMITS = tuple(zip(truth.GRAZING, truth.FAINT, truth.CLIPPED, strict=True))
@@ -173,10 +187,10 @@ def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Sha
     return out[0], out[1]
 
 
+_SHARES = "in holes named right, % | by either name, % | told as two, % | right at the place, %"
 HEAD = (
-    "| part | one line: missing mm² | in holes named right, % | right at the place, % "
-    "| two lines: missing mm² | in holes named right, % | right at the place, % |",
-    "|---|---|---|---|---|---|---|",
+    f"| part | one line: missing mm² | {_SHARES} | two lines: missing mm² | {_SHARES} |",
+    "|---|---|---|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -197,9 +211,14 @@ def run(
                 rows.append(f"| {scene} | {' | '.join(one.cells())} | {' | '.join(two.cells())} |")
                 print(rows[-1], flush=True)
                 whole += one + two
+                part = [
+                    f"{some / whole.missing:.1%}"
+                    for some in (whole.right, whole.either, whole.two, whole.places)
+                ]
                 said = (
-                    f"{whole.right / whole.missing:.1%} of {whole.missing:.0f} mm² of hole bears "
-                    f"the right name; at the place itself {whole.places / whole.missing:.1%}."
+                    f"{part[0]} of {whole.missing:.0f} mm² of hole bears the right name first, "
+                    f"{part[1]} first or second; {part[2]} is told as two; at the place itself a "
+                    f"name of {part[3]} is right."
                 )
                 if write and word == "held":
                     _page.write(PAGE, f"causes {word}", [*HEAD, *rows, "", said])

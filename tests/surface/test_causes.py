@@ -10,13 +10,14 @@ import pytest
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere
 from turnscan import points
+from turnscan.edit import by_cause
 from turnscan.mesh import Mesh, cut_touching, join, submesh
 from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
 from turnscan.surface import mesh_grid
 from turnscan.surface.clean import drop_islands
-from turnscan.surface.holes import Cause, ScanCoverage, explain, holes
+from turnscan.surface.holes import CAUSE_WORDS, Cause, ScanCoverage, explain, holes
 from turnscan.surface.holes import _causes as causes
 from turnscan.surface.holes._hole_places import places_in
 
@@ -435,6 +436,56 @@ def test_the_foot_of_a_part_that_lies_is_outside() -> None:
     named = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, low)])
     foot = min((h for h in named if h.area > 100), key=lambda h: h.centre[2])
     assert foot.cause == "outside"
+
+
+@pytest.mark.parametrize(
+    ("votes", "first", "second"),
+    [
+        ({causes.OUTSIDE: 3.0, causes._BOTH: 2.8}, causes.OUTSIDE, causes.LASER),
+        ({causes._BOTH: 3.0, causes.OUTSIDE: 2.8}, causes.LASER, causes.OUTSIDE),
+        ({causes.OUTSIDE: 3.0, causes.DARK: 1.4}, causes.OUTSIDE, -1),
+        # What counts for the first one, too, leaves nothing to be said.
+        ({causes.LASER: 3.0, causes._BOTH: 3.0}, causes.LASER, -1),
+        (
+            {causes._FLAT_TO_LASER: 3.0, causes.LASER: 1.0, causes.DARK: 3.0},
+            causes.LASER,
+            causes.DARK,
+        ),
+    ],
+)
+def test_a_second_cause_is_what_the_first_leaves_unsaid_where_that_is_a_third(
+    votes: dict[int, float], first: int, second: int
+) -> None:
+    count = np.zeros((1, causes._FLAT_TO_BOTH + 1))
+    for k, many in votes.items():
+        count[0, k] = many
+    best = causes._most(count)
+    assert (best[0], causes._rest(count, best)[0]) == (first, second)
+
+
+def test_a_border_about_a_foot_and_a_shadow_has_both_causes() -> None:
+    """Under a bar that leans are the face that it stands on and its flank that looks down."""
+    rig = make_rig(elevation=0.3, lift=20.0, lasers=(-0.4, 0.4))
+    turn, low = full_turn(STEPS), Volume(z_min=3.0)
+    stripes = scan_shape(rig, _leaning_bar, turn)
+    grid = points.clip(points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn), low)
+    mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, low)])
+    under = min((h for h in named if h.area > 100), key=lambda h: h.centre[2])
+    assert under.cause == "outside"
+    assert under.also in ("laser", "camera")
+    assert under.reason == f"{CAUSE_WORDS['outside']}; in part {CAUSE_WORDS[under.also]}"
+    beside = [by_cause(mesh, [under], {name}) for name in (under.cause, under.also)]
+    assert beside[0].any()
+    assert np.array_equal(*beside), "found by either name"
+    above = [h for h in named if h.area > 100 and h is not under]
+    assert {h.also for h in above} == {None}
+
+
+def _leaning_bar(p: np.ndarray) -> np.ndarray:
+    x, y, z = (p[..., k] for k in range(3))
+    across = (np.abs(x - 1.2 * (z - 15.0)) - 12.0) / np.hypot(1.0, 1.2)
+    return np.maximum(np.maximum(across, np.abs(y) - 20.0), np.abs(z - 15.0) - 15.0)
 
 
 def _lying_bar(p: np.ndarray) -> np.ndarray:

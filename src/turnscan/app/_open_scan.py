@@ -34,7 +34,6 @@ from turnscan.workflows import (
     ScanSession,
     SessionChange,
     SessionState,
-    hole_in_words,
     option_schemas,
 )
 
@@ -147,7 +146,7 @@ class OpenScan:
                 area=h.area,
                 centre=_vector(h.centre),
                 cause=h.cause,
-                cause_text=hole_in_words(h),
+                cause_text=h.reason,
             )
             for k, (h, _) in enumerate(found, start=first)
         ]
@@ -167,7 +166,7 @@ class OpenScan:
                 remark = p.Remark(
                     code="surface.hole",
                     severity="note",
-                    text=f"a hole of {one.size:.1f} mm: {hole_in_words(one)}",
+                    text=f"a hole of {one.size:.1f} mm: {one.reason}",
                     where="",
                     remedy="fill it, or scan the part in another pose as well",
                 )

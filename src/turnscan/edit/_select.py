@@ -127,10 +127,10 @@ def by_quality(mesh: Mesh, grids: Iterable[RangeGrid], flags: int) -> Bools:
 
 
 def by_cause(mesh: Mesh, borders: Iterable[Hole], causes: Collection[Cause]) -> Bools:
-    """Faces along the borders of holes that have one of these causes."""
+    """Faces along the borders of holes that have one of these causes, first or second."""
     on = np.zeros(len(mesh.vertices), dtype=np.bool_)
     for hole in borders:
-        if hole.cause in causes:
+        if hole.cause in causes or hole.also in causes:
             on[hole.loop] = True
     return np.asarray(on[mesh.faces].any(axis=1))
 

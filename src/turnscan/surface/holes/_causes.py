@@ -52,6 +52,8 @@ _ROOM = 4000
 """Places that are asked at once, which bounds the memory."""
 _RAYS = 500
 """Rays that are held against the removed points at once, which bounds it, too."""
+_ALSO = 1 / 3
+"""Part of all votes that what the first cause leaves unsaid must have for a second one."""
 _SAME = 1e-3
 """mm within which a vertex is one that was cut: what makes vertices fit for files moves less."""
 _REMOVED = 4000
@@ -170,17 +172,26 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
     # A flat patch says less, the more of the sides beyond its border are known.
     patch = _PATCH * count / np.maximum(count.sum(axis=1, keepdims=True), 1.0)
     patch *= 1.0 - sure[:, None]
-    best = _most(np.where(known[:, None], patch + beyond, count))
+    votes = np.where(known[:, None], patch + beyond, count)
+    said = best = _most(votes)
+    also = _rest(votes, said)
     # A bore is not dark; what names it otherwise is known better than its wall.
     deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
     deep[(best == LASER) | (best == CAMERA) | (best == FLAT)] = 0.0
+    bored = np.zeros(len(found), dtype=np.bool_)
     if deep.any():
         count = _counted(walls(mesh, found, places, deep), len(found), views, scene)
         count[:, DARK : len(_CAUSES)] = 0.0
-        best = np.where(count.any(axis=1), _most(count), best)
-    best[_whole(found, places, unsaid | (best == DARK)) & (best != DELETED)] = REMOVED
+        bored = count.any(axis=1)
+        best = np.where(bored, _most(count), best)
+    whole = _whole(found, places, unsaid | (best == DARK)) & (best != DELETED)
+    best[whole] = REMOVED
     best = _as_about(mesh, found, places, views, best)
-    return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
+    also[(best != said) | bored | whole] = -1  # named for other reasons
+    return [
+        replace(h, cause=_CAUSES[k], also=None if m < 0 else _CAUSES[m])
+        for h, k, m in zip(found, best, also, strict=True)
+    ]
 
 
 def _as_about(
@@ -238,11 +249,33 @@ def _most(count: Floats) -> Ints:
 
     Where nothing but what is too flat speaks for the laser or the camera, it is grazing.
     """
+    whole = _for_each(count)
+    best = whole.argmax(axis=1)
+    return np.asarray(np.where(whole[:, FLAT] >= whole.max(axis=1), FLAT, best), dtype=np.int32)
+
+
+def _for_each(count: Floats) -> Floats:
+    """(h, causes) what speaks for each cause, of votes with those for several last."""
     whole = count[:, : len(_CAUSES)].copy()
     for both, causes in _COUNTS_FOR.items():
         whole[:, causes] += count[:, both, None]
-    best = whole.argmax(axis=1)
-    return np.asarray(np.where(whole[:, FLAT] >= whole.max(axis=1), FLAT, best), dtype=np.int32)
+    return whole
+
+
+def _rest(count: Floats, best: Ints) -> Ints:
+    """(h,) the cause that speaks most for what is left of the votes when those for the ``best`` are
+    taken away; −1 where that is less than `_ALSO` of them all.
+
+    One border may run about two faces, the one that a part stands on and one in its shadow: two
+    names are true of such a hole, and neither of most of it.
+    """
+    left, rows = count.copy(), np.arange(len(count))
+    left[rows, best] = 0.0
+    for both, causes in _COUNTS_FOR.items():
+        left[np.isin(best, causes), both] = 0.0
+    second = _most(left)
+    much = _for_each(left)[rows, second] >= _ALSO * np.maximum(count.sum(axis=1), 1e-9)
+    return np.where(much, second, -1).astype(np.int32)
 
 
 def _counted(places: Places, holes: int, views: Sequence[ScanCoverage], scene: _Scene) -> Floats:

@@ -57,11 +57,20 @@ class Hole:
     """(3,) mm: the mean of the border, by length."""
     cause: Cause | None = None
     """Why nothing was measured there; None where not determined."""
+    also: Cause | None = None
+    """Why the rest of it was not, where that is a third of it or more; None where the cause is that
+    of nearly all, or the second is not known."""
 
     def __post_init__(self) -> None:
         put = object.__setattr__
         put(self, "loop", frozen(self.loop, (None,), "Hole.loop", np.int32))
         put(self, "centre", frozen(self.centre, (3,), "Hole.centre"))
+
+    @property
+    def reason(self) -> str:
+        """Its cause in words for people, with the second one."""
+        first = CAUSE_WORDS[self.cause or "unknown"]
+        return first if self.also is None else f"{first}; in part {CAUSE_WORDS[self.also]}"
 
 
 def holes(mesh: Mesh) -> list[Hole]:

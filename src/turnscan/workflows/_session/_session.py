@@ -34,7 +34,7 @@ from turnscan.shapes import Source
 from turnscan.stripes import StripeSettings
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
-from turnscan.surface.holes import CAUSE_WORDS, Hole, explain, holes
+from turnscan.surface.holes import Hole, explain, holes
 from turnscan.workflows._compile_ahead import compiling_ahead
 from turnscan.workflows._files._history import history_of, repairs
 from turnscan.workflows._files._kept_options import (
@@ -713,11 +713,6 @@ class ScanSession:
                 found = sorted(found, key=lambda h: -h.size)
                 self._found = state.revision, mesh, found
             return self._found[1:]
-
-
-def hole_in_words(hole: Hole) -> str:
-    """Why there is a hole."""
-    return CAUSE_WORDS[hole.cause or "unknown"]
 
 
 def _region(body: edit.Body, arrays: Mapping[str, npt.NDArray[Any]]) -> edit.Region | None:

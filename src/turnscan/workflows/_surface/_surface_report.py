@@ -111,6 +111,7 @@ def _figures(done: Reconstruction, m: Maps) -> dict[str, Any]:
             {
                 "number": k + 1,
                 "cause": h.cause,
+                "also": h.also,
                 "filled": how,
                 "centre_mm": h.centre.tolist(),
                 "angle_deg": _angle_deg(h),
@@ -175,7 +176,7 @@ def surface_parts(done: Reconstruction) -> list[str]:
     parts.append(html.heading("Holes"))
     parts += [html.paragraph(line) for line in holes_line(done) or ["No holes."]]
     if done.holes:
-        parts.append(_table(figures["holes"]))
+        parts.append(_table(figures["holes"], done.holes))
         parts += [html.paragraph(line) for line in light_line(done)]
     if len(done.holes) > _ROWS:
         text = f"The {_ROWS} longest of {len(done.holes)}; a .json report has all."
@@ -195,14 +196,14 @@ def surface_parts(done: Reconstruction) -> list[str]:
     return parts
 
 
-def _table(rows: Sequence[dict[str, Any]]) -> str:
+def _table(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> str:
     from turnscan.workflows._pages import _html as html
 
     head = ["hole", "cause", "filled", "angle", "x, y, z mm", "size mm", "border mm", "area mm²"]
     shown = [
         [
             r["number"],
-            "not known" if r["cause"] is None else CAUSE_WORDS[r["cause"]],
+            h.reason,
             r["filled"],
             f"{r['angle_deg']:.0f}°",
             ", ".join(f"{x:.1f}" for x in r["centre_mm"]),
@@ -210,7 +211,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> str:
             f"{r['perimeter_mm']:.2f}",
             f"{r['area_mm2']:.2f}",
         ]
-        for r in rows[:_ROWS]
+        for r, h in zip(rows[:_ROWS], holes, strict=False)
     ]
     return html.table(head, shown)
 
