@@ -169,7 +169,6 @@ from ._session._opening import OpenScan as OpenScan
 from ._session._opening import open_scan as open_scan
 from ._session._selection_rules import SELECTION_RULES as SELECTION_RULES
 from ._session._session import ScanSession as ScanSession
-from ._session._session import hole_in_words as hole_in_words
 from ._session._state import NotOpen as NotOpen
 from ._session._state import PlacedFinding as PlacedFinding
 from ._session._state import SessionChange as SessionChange

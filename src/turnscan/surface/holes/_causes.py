@@ -178,11 +178,11 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
     # A bore is not dark; what names it otherwise is known better than its wall.
     deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
     deep[(best == LASER) | (best == CAMERA) | (best == FLAT)] = 0.0
-    bored = np.zeros(len(found), dtype=np.bool_)
+    bored: Bools = np.zeros(len(found), dtype=np.bool_)
     if deep.any():
         count = _counted(walls(mesh, found, places, deep), len(found), views, scene)
         count[:, DARK : len(_CAUSES)] = 0.0
-        bored = count.any(axis=1)
+        bored = np.asarray(count.any(axis=1))
         best = np.where(bored, _most(count), best)
     whole = _whole(found, places, unsaid | (best == DARK)) & (best != DELETED)
     best[whole] = REMOVED
