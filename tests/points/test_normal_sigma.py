@@ -10,6 +10,7 @@ import pytest
 from tests.analytic import full_turn, make_rig, scan_shape, sphere, with_noise
 from turnscan.points import RangeGrid, build_grid, normal_sigma
 from turnscan.points import _normal_kernels as kernels
+from turnscan.points import _normal_sigma as sigmas
 
 NOISE = 0.08
 """px."""
@@ -79,6 +80,42 @@ def test_noise_raises_no_share_and_an_edge_has_that_of_its_worse_side(bend, want
     )
     middle = share[10, 20:-20]
     assert np.median(middle) == pytest.approx(wanted, abs=0.03)
+
+
+def _collars(P):
+    """A turned part: its radius steps by 1 mm every three lines or so."""
+    r, z = np.hypot(P[..., 0], P[..., 1]), P[..., 2]
+    wide = np.where(np.floor(z / 2.2) % 2 == 0, 20.0, 19.0)
+    return np.maximum(r - wide, np.maximum(4.0 - z, z - 44.0))
+
+
+def _off_collars(P):
+    """mm from points to the profile of `_collars`: the nearer of its faces and its steps."""
+    r, z = np.hypot(P[..., 0], P[..., 1]), P[..., 2]
+    edges = 2.2 * np.arange(2, 21)
+    part = np.floor(z / 2.2) % 2
+    face = np.abs(r - np.where(part == 0, 20.0, 19.0))
+    beyond = np.maximum(np.maximum(19.0 - r, r - 20.0), 0.0)
+    step = np.hypot(beyond, np.abs(z[..., None] - edges).min(axis=-1))
+    return np.minimum(face, step)
+
+
+@pytest.mark.parametrize("steps", [24, 60])
+def test_chords_across_collars_a_few_lines_wide_lower_no_sigma(steps, monkeypatch):
+    rig = make_rig(lift=20.0)
+    angles = full_turn(steps)
+    exact = scan_shape(rig, _collars, angles)
+    stripes = [replace(s, width=np.full(len(s.width), np.nan)) for s in with_noise(exact, NOISE, 3)]
+    grid = build_grid(rig, "L0", stripes, range(steps), angles)
+    found = grid.found & (grid.points[..., 2] > 6.0) & (grid.points[..., 2] < 42.0)
+    off = _off_collars(grid.points[found])
+
+    def beyond() -> float:
+        return float((off > 3.0 * normal_sigma(grid)[found]).mean())
+
+    told, of_noise = beyond(), 0.0027
+    monkeypatch.setattr(sigmas, "_bent", lambda grid, moves, far: np.zeros_like(grid.found))
+    assert told < of_noise < beyond()
 
 
 def test_the_error_of_a_point_does_not_change_what_is_claimed_of_it():

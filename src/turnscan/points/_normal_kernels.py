@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.compiled import njit
 from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, way
 
@@ -64,6 +64,56 @@ def _share(up: Vector, across: Vector, move: Vector, unsure: tuple[float, float]
     if tilt > 0.0:
         size = np.hypot(along, max(_across_of(normal, move) - tilt, 0.0))
     return along / size if size > 0.0 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def seconds(
+    points: Floats, moves: Floats, lag: int, span: tuple[int, int], out: tuple[Floats, Floats]
+) -> None:
+    """Write (s, n) mm: along ``moves`` (s, n, 3), the second differences of each profile, ``lag``
+    lines apart, and how long the two chords are in the mean; NaN where a point is missing. For the
+    steps of a ``span``."""
+    n = points.shape[1]
+    second, long = out
+    for k in range(span[0], span[1]):
+        for j in range(n):
+            second[k, j] = np.nan
+            if lag <= j < n - lag:
+                up, down = way(points, k, j, k, j + lag), way(points, k, j, k, j - lag)
+                move = (moves[k, j, 0], moves[k, j, 1], moves[k, j, 2])
+                second[k, j] = dot(up, move) + dot(down, move)
+                long[k, j] = 0.5 * (np.sqrt(dot(up, up)) + np.sqrt(dot(down, down)))
+
+
+@njit(cache=True, nogil=True)
+def bent(
+    chords: tuple[Floats, Floats],
+    noise: Floats,
+    about: int,
+    least: tuple[float, float],
+    closed: bool,
+    span: tuple[int, int],
+    out: Bools,
+) -> None:
+    """Make (s, n) True where the mean of second differences over ``about`` profiles to either side
+    is more than the first of ``least`` times what ``noise`` (s, n) mm of the points makes of it,
+    and tilts the chords by more than the second; no less than half of the profiles must be there.
+    ``chords`` as `seconds` writes them. For the steps of a ``span``."""
+    second, long = chords
+    s, n = second.shape
+    for k in range(span[0], span[1]):
+        for j in range(n):
+            if np.isnan(second[k, j]):
+                continue
+            total, count = 0.0, 0
+            for far in range(-about, about + 1):
+                m = (k + far) % s if closed else k + far
+                if 0 <= m < s and not np.isnan(second[m, j]):
+                    total, count = total + second[m, j], count + 1
+            if count <= about or abs(total) <= least[0] * noise[k, j] * np.sqrt(6.0 * count):
+                continue
+            if abs(total) > least[1] * count * long[k, j]:
+                out[k, j] = True
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.points._grid import RangeGrid
 from turnscan.rig import rotation_z
 from turnscan.threads import in_parts
@@ -20,6 +20,15 @@ _NOISE = 1.3
 beyond comes from edges, creases and veils, where it is off the same way as those beside it."""
 _DOUBTED = 1.3
 """The usual noise is at most so many times that of the best known quarter of the points."""
+_ABOUT = 3
+"""Profiles to either side over which the bends of a profile are averaged, …"""
+_BENT = 4.0
+"""… times what noise makes of that mean, beyond which the part has a bend there, …"""
+_SHARPLY = .5
+"""… and how much the chords to either side differ at least, as a part of their length: a round
+surface bends by less over a few lines, and chords tell how it lies."""
+_LAGS = 6
+"""Lines to either side over which bends are looked for, at most."""
 _SHEET = 2_000
 """Points that are enough to tell a laser's sheet …"""
 _FLAT = 0.05
@@ -32,7 +41,8 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     A stripe's centre moves its point along the laser's sheet (`RangeGrid.sigma`); of that, what
     leads along the surface is no error of the surface. Where a point or those about it claim more
     than noise makes, the plane through them is no surface, and may lie otherwise by as much. As it
-    is where the camera's place or the sheet is not known.
+    is where the camera's place or the sheet is not known, and where the profiles bend within the
+    few lines that a plane is laid through: across a collar it leans as no face of the part does.
     """
     from turnscan.points import _normal_kernels as kernels
 
@@ -62,7 +72,36 @@ def normal_sigma(grid: RangeGrid) -> Floats:
         kernels.shares(grid.points, doubt, moves, arc, far, grid.closed, (first, end), share)
 
     in_parts(part, len(found), -(-len(found) // _TOGETHER))
+    share[_bent(grid, moves, far)] = 1.0
     return np.asarray(grid.sigma * np.maximum(share, _LEAST))
+
+
+def _bent(grid: RangeGrid, moves: Floats, far: float) -> Bools:
+    """(s, n) True where profiles bend within ``far`` mm of a point, in the mean of those about it.
+
+    A single profile bends by noise. What is turned, or stands upright, bends in all alike.
+    """
+    from turnscan.points import _normal_kernels as kernels
+
+    out = np.zeros(grid.found.shape, dtype=np.bool_)
+    chords = np.empty(out.shape), np.empty(out.shape)
+    noise = np.asarray(grid.sigma if grid.noise is None else grid.noise, dtype=np.float64)
+    apart = np.linalg.norm(np.diff(grid.points, axis=1), axis=-1)
+    apart = apart[~np.isnan(apart)]
+    if not len(apart):
+        return out
+    lines = min(int(np.ceil(far / max(float(np.median(apart)), 1e-9))), _LAGS)
+    for lag in range(1, lines + 1):
+
+        def differences(first: int, end: int, lag: int = lag) -> None:
+            kernels.seconds(grid.points, moves, lag, (first, end), chords)
+
+        def judge(first: int, end: int) -> None:
+            kernels.bent(chords, noise, _ABOUT, (_BENT, _SHARPLY), grid.closed, (first, end), out)
+
+        in_parts(differences, len(out))
+        in_parts(judge, len(out))
+    return out
 
 
 def usual_sigma(sigma: Floats, *, most: bool = False) -> float:
