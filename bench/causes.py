@@ -36,6 +36,8 @@ from turnscan.surface.holes import Cause, Hole
 RIG = "paper"
 ASKED = 5_000
 """Missing triangles of a scan that are asked, about."""
+_TELLS = 1 / 6
+"""Part of a hole for which its second name alone must be right: half of what it claims."""
 PAGE = _page.DOCS / "explain" / "surface.md"
 
 
@@ -48,9 +50,11 @@ class Share:
     right: float = 0.0
     """In holes that bear the name of the most of it first."""
     either: float = 0.0
-    """In holes that bear it first or second …"""
+    """In holes that bear it first or second, …"""
     two: float = 0.0
-    """… and in those that have two names at all."""
+    """… in those that have two names at all, …"""
+    second: float = 0.0
+    """… and in those of them of which the second alone is right for a sixth at least."""
     places: float = 0.0
     """Where a name of the hole is right at the place itself."""
     taken: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -62,6 +66,7 @@ class Share:
             self.right + other.right,
             self.either + other.either,
             self.two + other.two,
+            self.second + other.second,
             self.places + other.places,
             self.taken + other.taken,
         )
@@ -88,12 +93,19 @@ def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
     some, owner = true.some(gone[few]), owner[few]
     names = _numbers(h.cause for h in holes), _numbers(h.also for h in holes)
     right, placed = np.zeros((2, len(holes)), np.bool_), np.zeros(len(owner), np.bool_)
+    told, two = np.zeros(len(holes), np.bool_), np.array([h.also is not None for h in holes], bool)
     word = np.zeros(len(holes), np.int32)
     for limits in LIMITS:
         label = truth.labels(made, some, steps, *limits)
-        votes, total = _votes(made, some, owner, label, steps, len(holes))
+        say = _say(made, some, label, steps)
+        votes, total = _votes(some, owner, label, say, len(holes))
         word = np.argmax(votes, axis=1).astype(np.int32)
         best = votes.max(axis=1)
+        new = (_RIGHT[label, names[1][owner]] > 0) & ~(_RIGHT[label, names[0][owner]] > 0)
+        alone, all_of_it = (
+            np.bincount(owner[m], some.area[m], len(holes)) for m in (say & new, say)
+        )
+        told |= two & (alone >= _TELLS * all_of_it) & (alone > 0)
         for k, name in enumerate(names):
             mine = np.where(name < 0, -1.0, votes[np.arange(len(holes)), name])
             right[k] |= (mine >= np.minimum(best - 1e-9, 0.5 * total)) & (best > 0)
@@ -107,7 +119,8 @@ def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
         float(lost.sum()),
         float(lost[right[0]].sum()),
         float(lost[right.any(axis=0)].sum()),
-        float(lost[names[1] >= 0].sum()),
+        float(lost[two].sum()),
+        float(lost[told].sum()),
         area * float(some.area[placed].sum()),
         taken,
     )
@@ -127,11 +140,10 @@ _RIGHT: Floats = np.array(
 
 
 def _votes(
-    made: Bench, some: truth.Patches, owner: Ints, label: Ints, steps: int, holes: int
+    some: truth.Patches, owner: Ints, label: Ints, say: Bools, holes: int
 ) -> tuple[Floats, Floats]:
     """(h, names) missing area by right name, and (h,) the area that has a say: what only the
     sampling left out has none where anything else has."""
-    say = _say(made, some, label, steps)
     votes, total = np.zeros((2, holes, len(truth.NAMES))), np.zeros((2, holes))
     for k, which in enumerate((say, ~say)):
         np.add.at(votes[k], owner[which], some.area[which, None] * _RIGHT[label[which]])
@@ -217,8 +229,9 @@ def run(
                 ]
                 said = (
                     f"{part[0]} of {whole.missing:.0f} mm² of hole bears the right name first, "
-                    f"{part[1]} first or second; {part[2]} is told as two; at the place itself a "
-                    f"name of {part[3]} is right."
+                    f"{part[1]} first or second; {part[2]} is told as two, and of "
+                    f"{whole.second / max(whole.two, 1e-9):.0%} of that the second name alone is "
+                    f"right for a sixth or more; at the place itself a name of {part[3]} is right."
                 )
                 if write and word == "held":
                     _page.write(PAGE, f"causes {word}", [*HEAD, *rows, "", said])

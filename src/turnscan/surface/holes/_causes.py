@@ -53,7 +53,9 @@ _ROOM = 4000
 _RAYS = 500
 """Rays that are held against the removed points at once, which bounds it, too."""
 _ALSO = 1 / 3
-"""Part of all votes that what the first cause leaves unsaid must have for a second one."""
+"""Part of all votes that a second cause must have by itself."""
+_HIDDEN = (LASER, CAMERA, FLAT)
+"""What a face in the shadow is named for."""
 _SAME = 1e-3
 """mm within which a vertex is one that was cut: what makes vertices fit for files moves less."""
 _REMOVED = 4000
@@ -135,7 +137,7 @@ def explain(
     by_hand = _deleted(mesh, found, cut)
     rest = iter(_explained(mesh, [h for h, d in zip(found, by_hand, strict=True) if not d], views))
     return [
-        replace(h, cause="deleted") if d else next(rest)
+        replace(h, cause="deleted", also=None) if d else next(rest)
         for h, d in zip(found, by_hand, strict=True)
     ]
 
@@ -174,20 +176,19 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
     patch *= 1.0 - sure[:, None]
     votes = np.where(known[:, None], patch + beyond, count)
     said = best = _most(votes)
-    also = _rest(votes, said)
+    also = _second(votes, said)
     # A bore is not dark; what names it otherwise is known better than its wall.
     deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
     deep[(best == LASER) | (best == CAMERA) | (best == FLAT)] = 0.0
-    bored: Bools = np.zeros(len(found), dtype=np.bool_)
     if deep.any():
         count = _counted(walls(mesh, found, places, deep), len(found), views, scene)
         count[:, DARK : len(_CAUSES)] = 0.0
-        bored = np.asarray(count.any(axis=1))
-        best = np.where(bored, _most(count), best)
-    whole = _whole(found, places, unsaid | (best == DARK)) & (best != DELETED)
-    best[whole] = REMOVED
+        best = np.where(count.any(axis=1), _most(count), best)
+    best = np.where(
+        _whole(found, places, unsaid | (best == DARK)) & (best != DELETED), REMOVED, best
+    )
     best = _as_about(mesh, found, places, views, best)
-    also[(best != said) | bored | whole] = -1  # named for other reasons
+    also[best != said] = -1
     return [
         replace(h, cause=_CAUSES[k], also=None if m < 0 else _CAUSES[m])
         for h, k, m in zip(found, best, also, strict=True)
@@ -262,12 +263,13 @@ def _for_each(count: Floats) -> Floats:
     return whole
 
 
-def _rest(count: Floats, best: Ints) -> Ints:
-    """(h,) the cause that speaks most for what is left of the votes when those for the ``best`` are
-    taken away; −1 where that is less than `_ALSO` of them all.
+def _second(count: Floats, best: Ints) -> Ints:
+    """(h,) the second cause of holes that lack the face on which the part stands and one in its
+    shadow; −1 for none.
 
-    One border may run about two faces, the one that a part stands on and one in its shadow: two
-    names are true of such a hole, and neither of most of it.
+    One border may run about both: two names are true of such a hole, and neither of most of it.
+    The second is what has the most of the votes (h, causes) that the ``best`` leaves, and `_ALSO`
+    of all. Other pairs are too often a guess: their faces are not known as that on the platter is.
     """
     left, rows = count.copy(), np.arange(len(count))
     left[rows, best] = 0.0
@@ -275,7 +277,9 @@ def _rest(count: Floats, best: Ints) -> Ints:
         left[np.isin(best, causes), both] = 0.0
     second = _most(left)
     much = _for_each(left)[rows, second] >= _ALSO * np.maximum(count.sum(axis=1), 1e-9)
-    return np.where(much, second, -1).astype(np.int32)
+    foot = (best == OUTSIDE) & np.isin(second, _HIDDEN)
+    foot |= np.isin(best, _HIDDEN) & (second == OUTSIDE)
+    return np.where(much & foot, second, -1).astype(np.int32)
 
 
 def _counted(places: Places, holes: int, views: Sequence[ScanCoverage], scene: _Scene) -> Floats:

@@ -58,8 +58,8 @@ class Hole:
     cause: Cause | None = None
     """Why nothing was measured there; None where not determined."""
     also: Cause | None = None
-    """Why the rest of it was not, where that is a third of it or more; None where the cause is that
-    of nearly all, or the second is not known."""
+    """The second cause, of a hole that lacks the face on which the part stands and one in its
+    shadow, each at least a third of it as far as is known; None for others."""
 
     def __post_init__(self) -> None:
         put = object.__setattr__
