@@ -462,28 +462,34 @@ def test_a_second_cause_is_that_of_the_shadow_beside_a_foot_or_of_that_foot(
     assert (best[0], causes._second(count, best)[0]) == (first, second)
 
 
-def test_a_border_about_a_foot_and_a_shadow_has_both_causes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Under a bar that leans are the face that it stands on and its flank that looks down."""
+def leaning_bar() -> tuple[Mesh, ScanCoverage]:
+    """The surface of a bar that leans, under it the face that it stands on and its flank that
+    looks down."""
     rig = make_rig(elevation=0.3, lift=20.0, lasers=(-0.4, 0.4))
     turn, low = full_turn(STEPS), Volume(z_min=3.0)
     stripes = scan_shape(rig, _leaning_bar, turn)
     grid = points.clip(points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn), low)
     mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
-    named = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, low)])
-    under = min((h for h in named if h.area > 100), key=lambda h: h.centre[2])
+    return mesh, ScanCoverage(rig, grid, low)
+
+
+def test_a_border_about_a_foot_and_a_shadow_has_both_causes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh, view = leaning_bar()
+    named = explain(mesh, holes(mesh), [view])
+    large = sorted((h for h in named if h.area > 100), key=lambda h: h.centre[2])
+    under, *above = large
     assert under.cause == "outside"
     assert under.also in ("laser", "camera")
     assert under.reason == f"{CAUSE_WORDS['outside']}; in part {CAUSE_WORDS[under.also]}"
     beside = [by_cause(mesh, [under], {name}) for name in (under.cause, under.also)]
     assert beside[0].any()
     assert np.array_equal(*beside), "found by either name"
-    above = [h for h in named if h.area > 100 and h is not under]
     assert {h.also for h in above} == {None}
     # What lacks no place of the part has no second cause, whatever the votes say.
     monkeypatch.setattr(causes, "_whole", lambda found, places, idle: np.ones(len(found), bool))
-    whole = explain(mesh, named, [ScanCoverage(rig, grid, low)])
+    whole = explain(mesh, named, [view])
     assert {(h.cause, h.also) for h in whole} == {("removed", None)}
     by_hand = explain(mesh, named, [], cut=mesh.vertices[under.loop])
     assert next((h.cause, h.also) for h in by_hand if h.cause == "deleted") == ("deleted", None)

@@ -24,7 +24,7 @@ _ABOUT = 3
 """Profiles to either side over which the bends of a profile are averaged, …"""
 _BENT = 4.0
 """… times what noise makes of that mean, beyond which the part has a bend there, …"""
-_SHARPLY = .5
+_SHARPLY = 0.5
 """… and how much the chords to either side differ at least, as a part of their length: a round
 surface bends by less over a few lines, and chords tell how it lies."""
 _LAGS = 6
