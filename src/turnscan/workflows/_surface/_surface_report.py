@@ -211,7 +211,7 @@ def _table(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> str:
             f"{r['perimeter_mm']:.2f}",
             f"{r['area_mm2']:.2f}",
         ]
-        for r, h in zip(rows[:_ROWS], holes, strict=False)
+        for r, h in list(zip(rows, holes, strict=True))[:_ROWS]
     ]
     return html.table(head, shown)
 
