@@ -199,7 +199,7 @@ def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Sha
     return out[0], out[1]
 
 
-_SHARES = "in holes named right, % | by either name, % | told as two, % | right at the place, %"
+_SHARES = "in holes named right, % | by either name, % | with two names, % | right at the place, %"
 HEAD = (
     f"| part | one line: missing mm² | {_SHARES} | two lines: missing mm² | {_SHARES} |",
     "|---|---|---|---|---|---|---|---|---|---|---|",
@@ -229,7 +229,7 @@ def run(
                 ]
                 said = (
                     f"{part[0]} of {whole.missing:.0f} mm² of hole bears the right name first, "
-                    f"{part[1]} first or second; {part[2]} is told as two, and of "
+                    f"{part[1]} first or second; {part[2]} has two names, and of "
                     f"{whole.second / max(whole.two, 1e-9):.0%} of that the second name alone is "
                     f"right for a sixth or more; at the place itself a name of {part[3]} is right."
                 )

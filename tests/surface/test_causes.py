@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere
+from tests.surface.bars import leaning_bar
 from turnscan import points
 from turnscan.edit import by_cause
 from turnscan.mesh import Mesh, cut_touching, join, submesh
@@ -462,17 +463,6 @@ def test_a_second_cause_is_that_of_the_shadow_beside_a_foot_or_of_that_foot(
     assert (best[0], causes._second(count, best)[0]) == (first, second)
 
 
-def leaning_bar() -> tuple[Mesh, ScanCoverage]:
-    """The surface of a bar that leans, under it the face that it stands on and its flank that
-    looks down."""
-    rig = make_rig(elevation=0.3, lift=20.0, lasers=(-0.4, 0.4))
-    turn, low = full_turn(STEPS), Volume(z_min=3.0)
-    stripes = scan_shape(rig, _leaning_bar, turn)
-    grid = points.clip(points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn), low)
-    mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
-    return mesh, ScanCoverage(rig, grid, low)
-
-
 def test_a_border_about_a_foot_and_a_shadow_has_both_causes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -493,12 +483,6 @@ def test_a_border_about_a_foot_and_a_shadow_has_both_causes(
     assert {(h.cause, h.also) for h in whole} == {("removed", None)}
     by_hand = explain(mesh, named, [], cut=mesh.vertices[under.loop])
     assert next((h.cause, h.also) for h in by_hand if h.cause == "deleted") == ("deleted", None)
-
-
-def _leaning_bar(p: np.ndarray) -> np.ndarray:
-    x, y, z = (p[..., k] for k in range(3))
-    across = (np.abs(x - 1.2 * (z - 15.0)) - 12.0) / np.hypot(1.0, 1.2)
-    return np.maximum(np.maximum(across, np.abs(y) - 20.0), np.abs(z - 15.0) - 15.0)
 
 
 def _lying_bar(p: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from tests.surface.test_causes import leaning_bar
+from tests.surface.bars import leaning_bar
 from turnscan.pipeline import Reconstruction
 from turnscan.surface.holes import CAUSE_WORDS
 from turnscan.workflows._surface._surface_report import surface_figures, surface_parts
