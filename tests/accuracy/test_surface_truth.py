@@ -79,6 +79,16 @@ def test_the_missing_area_bears_the_right_cause(run: Run) -> None:
     # Names that say something else must count as wrong, or the measure is blind.
     wrong = [replace(h, cause="dark") for h in run.both.holes]
     assert share(run.made, STEPS, run.both.opened or run.both.mesh, wrong).right == 0.0
+    # A second name that says something else is counted, makes nothing right, and is said so.
+    vague = [replace(h, also="dark") for h in run.both.holes]
+    both = share(run.made, STEPS, run.both.opened or run.both.mesh, vague)
+    assert both.two == pytest.approx(both.missing)
+    assert (both.either, both.second) == (both.right, 0.0)
+    # Nor is one that comes second where it is all that is right, and it alone.
+    late = [replace(h, cause="dark", also=h.cause) for h in run.both.holes]
+    last = share(run.made, STEPS, run.both.opened or run.both.mesh, late)
+    assert last.right == 0.0
+    assert last.either == last.second == pytest.approx(both.right)
 
 
 def test_the_light_of_points_that_were_taken_away_is_kept_for_the_causes(run: Run) -> None:

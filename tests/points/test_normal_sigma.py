@@ -110,12 +110,13 @@ def test_chords_across_collars_a_few_lines_wide_lower_no_sigma(steps, monkeypatc
     found = grid.found & (grid.points[..., 2] > 6.0) & (grid.points[..., 2] < 42.0)
     off = _off_collars(grid.points[found])
 
-    def beyond() -> float:
-        return float((off > 3.0 * normal_sigma(grid)[found]).mean())
+    def sizes():
+        return off / normal_sigma(grid)[found]
 
-    told, of_noise = beyond(), 0.0027
+    z, of_noise = sizes(), 0.0027
+    assert 0.93 < np.sqrt((z**2).mean()) < 1.05, "nor does it raise any"
     monkeypatch.setattr(sigmas, "_bent", lambda grid, moves, far: np.zeros_like(grid.found))
-    assert told < of_noise < beyond()
+    assert (z > 3.0).mean() < of_noise < (sizes() > 3.0).mean()
 
 
 def test_the_error_of_a_point_does_not_change_what_is_claimed_of_it():

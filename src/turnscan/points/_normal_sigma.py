@@ -6,6 +6,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.points._grid import RangeGrid
+from turnscan.points._wholeness import apart_along
 from turnscan.rig import rotation_z
 from turnscan.threads import in_parts
 
@@ -86,11 +87,7 @@ def _bent(grid: RangeGrid, moves: Floats, far: float) -> Bools:
     out = np.zeros(grid.found.shape, dtype=np.bool_)
     chords = np.empty(out.shape), np.empty(out.shape)
     noise = np.asarray(grid.sigma if grid.noise is None else grid.noise, dtype=np.float64)
-    apart = np.linalg.norm(np.diff(grid.points, axis=1), axis=-1)
-    apart = apart[~np.isnan(apart)]
-    if not len(apart):
-        return out
-    lines = min(int(np.ceil(far / max(float(np.median(apart)), 1e-9))), _LAGS)
+    lines = min(int(np.ceil(far / max(apart_along(grid.points), 1e-9))), _LAGS)
     for lag in range(1, lines + 1):
 
         def differences(first: int, end: int, lag: int = lag) -> None:

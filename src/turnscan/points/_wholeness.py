@@ -143,7 +143,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = _arcs(light)
     own, thickness, still = _lying(light, found, width, bright, arcs)
-    sizes = _apart_along(light.points), thickness
+    sizes = apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
     more = np.maximum(more, _faint_between(width, width * bright, arcs, thickness, light.closed))
@@ -492,7 +492,7 @@ def _dips(flux: Floats, steadied: Floats) -> Floats:
         return np.where(left < _DIM, lacking(left) * steadied, 0.0)
 
 
-def _apart_along(points: Floats) -> float:
+def apart_along(points: Floats) -> float:
     """mm: how far points of a profile (s, n, 3) usually lie apart; 0 where there are none."""
     parts = -(-len(points) // _TOGETHER)
     gaps = np.concatenate(in_parts(lambda a, b: _gaps(points[a:b]), len(points), parts))
