@@ -56,6 +56,9 @@ class Threading:
     def Lock(self) -> _Lock:  # noqa: N802
         return _Lock(self._world)
 
+    def RLock(self) -> _OwnedLock:  # noqa: N802
+        return _OwnedLock(self._world)
+
     def Event(self) -> _Event:  # noqa: N802
         return _Event(self._world)
 
@@ -107,6 +110,23 @@ class _Lock:
 
     def __exit__(self, *_: object) -> None:
         self.release()
+
+
+class _OwnedLock(_Lock):
+    """Only who has taken it lets go of it; nobody here takes it twice."""
+
+    _owner: object = None
+
+    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+        got = super().acquire(blocking, timeout)
+        if got:
+            self._owner = self._world.current
+        return got
+
+    def release(self) -> None:
+        if not self._taken or self._owner is not self._world.current:
+            raise RuntimeError("cannot release un-acquired lock")
+        super().release()
 
 
 class _Event:

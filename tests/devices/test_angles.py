@@ -9,7 +9,8 @@ from fractions import Fraction
 import pytest
 
 from tests.devices.boards import DIALECTS, UNITS, firmware, near
-from turnscan.devices import _board, _line_protocol
+from tests.devices.signals import interrupted
+from turnscan.devices import _board, _fabscan, _horus, _line_protocol, _sardauscan
 from turnscan.devices._board import Board
 from turnscan.errors import DeviceRestarted
 from turnscan.scanner import stops_of
@@ -36,9 +37,23 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     it = Clock()
-    for module in (_board, _line_protocol):
+    for module in (_board, _line_protocol, _horus, _fabscan, _sardauscan):
         monkeypatch.setattr(module, "time", it)
     return it
+
+
+def cut_answers(device: Board) -> None:
+    """Each answer comes in two parts, the second only to who waits; a signal may fall between."""
+    read, rest = device._link.read, bytearray()
+
+    def part(timeout: float) -> bytes:
+        if rest and timeout == 0.0:
+            return b""
+        data = bytes(rest) or read(timeout)
+        rest[:] = b"" if rest else data[1:]
+        return data if not rest else data[:1]
+
+    device._link.read = part  # type: ignore[method-assign]
 
 
 def table(dialect: str, clock: Clock | None = None) -> tuple[Board, Firmware]:
@@ -69,6 +84,29 @@ def test_stored_angles_are_those_of_the_pulses(
         assert board.turns == pytest.approx(board.steps / (8.889 * 360), abs=1e-12)
     else:
         assert board.turns == pytest.approx(board.steps / STEPS[dialect], abs=1e-12)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_signal_at_any_line_of_a_first_move_leaves_the_angle_known(
+    dialect: str, clock: Clock
+) -> None:
+    """Also where the board counts zero, as it does after a restart."""
+    names = ("_board", "_left", f"_{dialect}", "_line_protocol")
+    files = tuple(f"devices/{name}.py" for name in names)
+    for number in range(1, 2000):
+        device, board = table(dialect, clock)
+        cut_answers(device)
+        where = interrupted(lambda d=device: d.move_to(math.radians(10.0), 60.0), number, files)
+        count = None if dialect == "fabscan" else board.steps
+        found = device._left.place(count, device._tolerance())
+        if dialect == "fabscan" and where in ("_go", "_said", "expect_nothing", "next"):
+            assert found in (None, board.steps), (number, where)  # it does not say where it is
+        else:
+            assert found == board.steps, (number, where)
+        if not where:
+            break
+    assert number > 50
+    assert not where
 
 
 @pytest.mark.parametrize("lost", [1, 2, 3, 5, 7, 133])

@@ -24,6 +24,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import turnscan.devices
+from tests.devices.signals import interrupted
 from tests.metronome import Metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware, until
 from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
@@ -428,6 +429,21 @@ def test_off_in_the_middle_of_a_move() -> None:
 
 ON_THE_WIRE = 8192
 """Bytes that a pseudo-terminal holds on the far side, where nobody can take them back."""
+
+
+def test_off_after_a_signal_at_any_line_of_sending() -> None:
+    with plugged("grbl") as (device, _):
+        link = device._link
+        for number in range(1, 100):
+            where = interrupted(lambda: link.write(b"?"), number, ("devices/_guard_client.py",))
+            begin = time.monotonic()
+            device.off()
+            assert time.monotonic() - begin < 0.9, (number, where)  # the lock is waited for for 1 s
+            assert link._guard.poll() is None, (number, where)
+            if not where:
+                break
+        assert number > 10
+        assert not where
 
 
 def _with_full_buffers(**link: Any) -> tuple[int, int]:

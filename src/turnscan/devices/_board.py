@@ -265,7 +265,7 @@ class Board(ABC):
         before = None
         while True:
             self._link.write(ask.encode("ascii"))
-            while (said := sentence(self._lines.next(end, "'?'"))).kind is not Kind.STATUS:
+            while (said := self._next_sentence(end)).kind is not Kind.STATUS:
                 if said.kind in (Kind.ALARM, Kind.BANNER):
                     raise said.as_error(self.setup.port)
             slowing = said.fields["state"] in ("Run", "Jog") or said.text.startswith("<Hold:1")
@@ -274,6 +274,13 @@ class Board(ABC):
                 return said
             before = place
             time.sleep(_SETTLING)
+
+    def _next_sentence(self, end: float) -> Sentence:
+        """The next sentence; the rest of an answer that was cut by a signal is passed over."""
+        while True:
+            line = self._lines.next(end, "'?'")
+            with contextlib.suppress(DeviceGarbled):
+                return sentence(line)
 
     def _halt(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Ask a turning board to stop; called from any thread."""
@@ -410,8 +417,9 @@ class Board(ABC):
         if self._unsettled:  # a reset came since, and with it the board counts from elsewhere
             raise Interrupted(self.setup.port)
         self._claim()
-        self._note(replace(self._left, target=there, sent=False, fresh=False))
         try:
+            # In here, so that a signal between the note and the move finds the table at rest too.
+            self._note(replace(self._left, target=there, sent=False, fresh=False))
             self._go(there, end)
         except BaseException as e:
             if not isinstance(e, (DeviceDisconnected, SafetyError, DeviceAlarm, DeviceRestarted)):

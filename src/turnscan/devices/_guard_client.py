@@ -138,7 +138,7 @@ class GuardedLink:
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
         self._answers: dict[int, _Answer] = {}
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=1)
-        self._pipe = threading.Lock()
+        self._pipe = threading.RLock()  # knows its owner, see `_frame`
         self._numbers = itertools.count(1)
         self._heard = 0
         self._darks = self._darks_before = 0
@@ -356,9 +356,9 @@ class GuardedLink:
         """
         if not self._closing.is_set() or kind != b"Q":
             self._check()
-        if not self._pipe.acquire(timeout=1.0):
-            raise SafetyError(f"{self.settings.port}: the laser guard does not accept requests")
         try:
+            if not self._pipe.acquire(timeout=1.0):
+                raise SafetyError(f"{self.settings.port}: the laser guard does not accept requests")
             self._darks += kind == b"D"
             if darks is not None and darks != self.darks:
                 raise Interrupted(self.settings.port)
@@ -366,7 +366,10 @@ class GuardedLink:
                 self._darks_before = self._darks
             self._send(_guard.pack(kind, payload))
         finally:
-            self._pipe.release()
+            # A signal may fall between the taking and whatever would note it: only its owner can
+            # let go of it, and for all others this does nothing.
+            with contextlib.suppress(RuntimeError):
+                self._pipe.release()
 
     def _send(self, frame: bytes) -> None:
         try:
@@ -412,8 +415,15 @@ class GuardedLink:
 
     def _waits(self) -> bool:
         """Whether the guard's loop must be going round."""
-        busy = bool(self._answers) or self._pipe.locked() or self._closing.is_set()
+        busy = bool(self._answers) or self._sending() or self._closing.is_set()
         return busy or self._maybe_lit.is_set()
+
+    def _sending(self) -> bool:
+        """Whether another thread holds the pipe."""
+        free = self._pipe.acquire(blocking=False)
+        if free:
+            self._pipe.release()
+        return not free
 
     def _listen(self) -> None:
         """Until the guard's output ends, and then what follows from that, whatever goes wrong."""
