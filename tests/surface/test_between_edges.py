@@ -47,6 +47,13 @@ def test_of_three_profiles_the_middle_one_does_and_of_four_none() -> None:
     np.testing.assert_allclose(random(grid([10, 15]))[11:15], 1.0)
 
 
+@pytest.mark.parametrize(("thickness", "least"), [(0.7, 1.0), (0.9, 0.25)])
+def test_light_of_a_thin_sheet_reaches_over_no_edge(thickness: float, least: float) -> None:
+    """The profiles are 3.1 mm apart."""
+    told = random(replace(grid([10, 12]), thickness=thickness))
+    np.testing.assert_allclose(told[11], least)
+
+
 def test_beside_one_edge_alone_noise_averages_out() -> None:
     told = random(grid([10]))
     np.testing.assert_allclose(np.delete(told, 10, axis=0), 1.0)

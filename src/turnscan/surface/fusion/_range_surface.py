@@ -40,9 +40,9 @@ _ALONG = 4
 of a line over the profiles about."""
 _MEAN = 0.41
 """Of independent noise, what these leave."""
-_NARROW = 2
-"""Profiles within which a face may have an edge on either side, so that light of both sides of them
-moves its points alike; …"""
+_NARROW, _REACH = 2, 4.0
+"""Profiles, and thicknesses of the sheet, within which a face may have an edge on either side, so
+that light of both sides of them moves its points alike; …"""
 _RUNS = 12
 """… where they run along the profiles: on most of so many lines below and above."""
 
@@ -322,24 +322,29 @@ def _random(grid: RangeGrid, step: Longs, line: Ints) -> Floats | None:
     with np.errstate(invalid="ignore", divide="ignore"):
         part = (measured.noise / measured.sigma) ** 2
     part = np.minimum(np.nan_to_num(part, nan=1.0), 1.0)
-    return np.asarray(np.minimum(part, _between_edges(part, measured.closed))[step, line])
+    return np.asarray(np.minimum(part, _between_edges(part, measured))[step, line])
 
 
-def _between_edges(random: Floats, closed: bool) -> Floats:
+def _between_edges(random: Floats, grid: RangeGrid) -> Floats:
     """(s, n) the part of each point's variance that is ``random`` (s, n) beside it, on that side
     where it is more: little where edges run along the profiles close by on both sides, as points
-    of the face between, which state no more than noise, are then moved by them alike."""
+    of the face between, which state no more than noise, are then moved by them alike.
+
+    How far light reaches over an edge is not asked where nobody knows how thick the sheet is.
+    """
     from scipy.ndimage import median_filter
 
     runs = median_filter(random, size=(1, 2 * _RUNS + 1), mode="nearest")
-    size, way = len(random), np.arange(1, _NARROW + 1)
-    sides = []
-    for at in (np.arange(size)[:, None] - way, np.arange(size)[:, None] + way):
-        near = runs[at % size]
-        if not closed:
-            near[(at < 0) | (at >= size)] = 1.0
-        sides.append(near.min(axis=1))
-    return np.asarray(np.maximum(*sides))
+    reach = _REACH * grid.thickness if grid.thickness > 0 else np.inf
+    size, sides = len(random), np.ones((2, *random.shape))
+    for side, way in zip(sides, (-1, 1), strict=True):
+        for k in range(1, _NARROW + 1):
+            at = np.arange(size) + way * k
+            there = grid.closed | ((at >= 0) & (at < size))
+            apart = np.linalg.norm(grid.points[at % size] - grid.points, axis=-1)
+            near = there[:, None] & (apart <= reach)
+            np.minimum(side, np.where(near, runs[at % size], 1.0), out=side)
+    return np.asarray(sides.max(axis=0))
 
 
 def spacing(surfaces: Sequence[RangeSurface]) -> float:
