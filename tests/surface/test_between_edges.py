@@ -75,7 +75,7 @@ def test_the_first_profile_is_beside_the_last_where_the_turn_is_closed() -> None
 
 
 def test_missing_points_are_no_edge() -> None:
-    made = grid([10])
+    made = grid([10, 12])
     points = made.points.copy()
     points[12] = np.nan
     np.testing.assert_allclose(random(replace(made, points=points))[11], 1.0)

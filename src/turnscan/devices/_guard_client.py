@@ -366,10 +366,11 @@ class GuardedLink:
                 self._darks_before = self._darks
             self._send(_guard.pack(kind, payload))
         finally:
-            # A signal may fall between the taking and whatever would note it: only its owner can
-            # let go of it, and for all others this does nothing.
+            # A signal may fall before anything notes that it was taken, or before this: its owner
+            # lets go of all that it holds, and for all others this does nothing.
             with contextlib.suppress(RuntimeError):
-                self._pipe.release()
+                while True:
+                    self._pipe.release()
 
     def _send(self, frame: bytes) -> None:
         try:

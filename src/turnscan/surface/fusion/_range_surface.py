@@ -317,12 +317,14 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
 def _random(grid: RangeGrid, step: Longs, line: Ints) -> Floats | None:
     """(v,) `RangeSurface.random` of the points measured at these rows and lines of a grid."""
     measured = grid if grid.origin is None else grid.origin.grid
-    if measured.noise is None:
+    lines = measured.lines_about()
+    some = measured.of_lines(lines)
+    if some.noise is None:
         return None
     with np.errstate(invalid="ignore", divide="ignore"):
-        part = (measured.noise / measured.sigma) ** 2
+        part = (some.noise / some.sigma) ** 2
     part = np.minimum(np.nan_to_num(part, nan=1.0), 1.0)
-    return np.asarray(np.minimum(part, _between_edges(part, measured))[step, line])
+    return np.asarray(np.minimum(part, _between_edges(part, some))[step, line - lines.start])
 
 
 def _between_edges(random: Floats, grid: RangeGrid) -> Floats:
@@ -334,7 +336,9 @@ def _between_edges(random: Floats, grid: RangeGrid) -> Floats:
     """
     from scipy.ndimage import median_filter
 
-    runs = median_filter(random, size=(1, 2 * _RUNS + 1), mode="nearest")
+    # One long line, on which the filter is eight times as fast as on many.
+    ends = np.pad(random, ((0, 0), (_RUNS, _RUNS)), mode="edge")
+    runs = median_filter(ends.ravel(), size=2 * _RUNS + 1).reshape(ends.shape)[:, _RUNS:-_RUNS]
     reach = _REACH * grid.thickness if grid.thickness > 0 else np.inf
     size, sides = len(random), np.ones((2, *random.shape))
     for side, way in zip(sides, (-1, 1), strict=True):
