@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere
 from tests.surface.grids import turned
@@ -335,6 +336,53 @@ def test_over_an_edge_beyond_which_one_profile_was_seen_a_merge_is_as_unsure_as_
     off = np.minimum(10.0 - x, 30.0 - y)[cut]
     assert off.max() > 1.5
     assert 0.8 < np.sqrt(np.mean((off / mesh.provenance.sigma[cut]) ** 2)) < 2.5, "8.7 before"
+
+
+@pytest.mark.parametrize("deep", [3.0, 6.0, 9.0])
+@pytest.mark.parametrize("before", [1.0, 5.0, 10.0])
+def test_before_a_last_profile_a_merge_is_as_unsure_as_it_is_off(before, deep):
+    """A plate with a step at its end that no ray sees, ``deep`` mm, at so many degrees ``before``
+    the last profile, in steps of 15°: the nearer to that profile it is the steeper what is linked
+    to it leaves the surface. Its points are on it, so that what is off is so by the chord alone."""
+    angles = np.deg2rad(np.arange(-30.0, 76.0, 15.0))
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    edge = np.deg2rad(75.0 - before)
+    floor = 10.0 / np.cos(edge) - deep
+    r = 10.0 / np.cos(angles)
+    r[-1] = floor
+    grid = turned(angles, np.full(30, 1.0), sigma=0.1)
+    grid = replace(grid, points=grid.points + (r - 1.0)[:, None, None] * out[:, None])
+    mesh, _ = merge([grid], how="tsdf", voxel=0.6)
+    # Front, step and floor: angle and radius, every hundredth of a millimetre or less.
+    front = np.linspace(np.deg2rad(-35.0), edge, 10_000)
+    step = np.linspace(10.0 / np.cos(edge), floor, 1_000)
+    ways = np.concatenate([front, np.full(1_000, edge), np.linspace(edge, np.deg2rad(80.0), 2_000)])
+    far = np.concatenate([10.0 / np.cos(front), step, np.full(2_000, floor)])
+    part = cKDTree(far[:, None] * np.column_stack([np.cos(ways), np.sin(ways)]))
+    off = part.query(mesh.vertices[:, :2])[0]
+    assert (off <= 2.5 * mesh.provenance.sigma).all(), "up to 3.8 sigma before"
+
+
+def test_an_edge_before_a_last_profile_is_doubted_there_alone():
+    """On a plane or a cylinder noise alone makes some, as it does of one bend in twenty."""
+    angles = np.deg2rad(np.arange(-30.0, 76.0, 15.0))
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    grid = turned(angles, np.full(30, 1.0), sigma=0.02)
+    noise = np.random.default_rng(2).normal(0.0, 0.02, grid.flags.shape)
+
+    def at_ends(r):
+        r = np.broadcast_to(r, angles.shape)[:, None] + noise - 1.0
+        there = range_surfaces(replace(grid, points=grid.points + r[..., None] * out[:, None]))[0]
+        return there.at_ends, there.ranks
+
+    for smooth in (10.0 / np.cos(angles), 20.0):
+        assert (at_ends(smooth)[0] > 0).mean() < 0.02
+        assert at_ends(smooth)[0].max() < 0.1, "a few sigma"
+    cut, ranks = at_ends(np.minimum(10.0 / np.cos(angles), 30.0 / np.maximum(out[:, 1], 1e-9)))
+    # The chord from (10, 17.3) to (8.04, 30) turns off the front by 8.8°, along 12.9 mm; a
+    # smoothed normal leans half of it.
+    assert cut[ranks == ranks.max()] == pytest.approx(12.9 * np.sin(np.deg2rad(8.8)), rel=0.2)
+    assert cut[ranks < ranks.max()].max() < 0.1
 
 
 def test_what_is_known_worse_than_usual_is_not_averaged_away():

@@ -284,6 +284,28 @@ class RangeSurface:
             out = np.fmax(out, np.where(there, np.nan_to_num(off), 0.0))
         return out
 
+    @cached_property
+    def at_ends(self) -> Floats:
+        """(v,) mm: how far off the chord to the profile beside it the surface may lie, right before
+        a vertex of a profile beyond which there is none; 0 at others, and where no edge was seen.
+
+        Of an edge there the profile on its other side alone shows a bend. The nearer it is to the
+        last one the more it turns for the same bend, so that all along the chord it stands off by
+        up to that part of this which is its part of the way.
+        """
+        (before, after), seconds = self.neighbours, self._seconds
+        out = np.zeros(len(self.ranks))
+        for near, none in ((before, after), (after, before)):
+            last = np.flatnonzero((near >= 0) & (none < 0))
+            last = last[near[near[last]] >= 0]
+            bent, far = near[last], near[near[last]]
+            noise = _ALONE * np.hypot(self.sigma[last], self.sigma[bent])
+            for second, part in zip(seconds, (1.0, _MEAN), strict=True):
+                with np.errstate(invalid="ignore"):
+                    more = (second[bent] - second[far]) ** 2 - (part * noise) ** 2
+                out[last] = np.fmax(out[last], np.sqrt(np.maximum(more, 0.0)))
+        return out
+
 
 def range_surfaces(grid: RangeGrid, tears: TearLimits | None = None) -> list[RangeSurface]:
     """The surface of a grid, and apart from it what the sheet met beyond the rotation axis.

@@ -43,7 +43,7 @@ _FAINT = 0.01
 """Weight of that: it decides only where nothing else is known."""
 _RELAXED = 8
 """Sweeps of relaxation for each voxel that a surface is carried on by."""
-_SHORT = 0.15
+_SHORT = 0.3
 """Voxels: of two vertices no further from each other one is left."""
 
 Singles = npt.NDArray[np.float32]
