@@ -213,6 +213,16 @@ def test_where_no_surface_tells_how_thick_the_sheet_is_the_rig_does():
     assert said[1].thickness == 0.0, "what the rig states was not seen"
 
 
+def test_how_far_light_reaches_over_an_edge_the_rig_says_where_no_surface_does():
+    beside = np.abs(np.arange(S) - 7)[:, None, None] <= 1
+    few = replace(wall(), points=np.where(beside, wall().points, np.nan))
+    none, thin, thick = (wholeness(replace(few, stated=t)) for t in (0.0, 0.02, 0.4))
+    assert none.thickness == thick.thickness == 0.0, "none was seen"
+    assert not none.near[7].any()
+    assert not thin.near[7].any()
+    assert thick.near[7].all()
+
+
 def test_noise_of_points_and_widths_is_no_cut():
     """Planes through noisy points lie anyhow: whole stripes are then neither moved nor doubted."""
     rng = np.random.default_rng(3)

@@ -241,7 +241,7 @@ def _judged(
 
 def _doubted_alike(sigma: Floats, doubt: Floats, near: Bools, closed: bool) -> Floats:
     """(s, n) mm: ``sigma`` (s, n), but not below what the ``doubt`` (s, n) of points beside is, of
-    which most are cut by the same edge: of both profiles beside where the sheet's light reaches
+    which most are cut by the same edge: of profiles on both sides where the sheet's light reaches
     over a step (``near``), and of most points beside on the same profile. NaN where none is."""
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -252,11 +252,14 @@ def _doubted_alike(sigma: Floats, doubt: Floats, near: Bools, closed: bool) -> F
 
 
 def _both_sides(doubt: Floats, closed: bool) -> Floats:
-    """(s, n) mm: by how much, at least, the profiles before and after are both doubted on each
-    line; NaN where one of them is missing."""
-    before, after = np.roll(doubt, 1, axis=0), np.roll(doubt, -1, axis=0)
-    if not closed:
-        before[0] = after[-1] = np.nan
+    """(s, n) mm: by how much, at least, one of two profiles before and one of two after are doubted
+    on each line, both of two that lie on one narrow face too; NaN where the next is missing."""
+    none = np.full((2, doubt.shape[1]), np.nan)
+    rows = np.concatenate([doubt[-2:], doubt, doubt[:2]] if closed else [none, doubt, none])
+    before, after = (
+        np.where(np.isnan(near), np.nan, np.fmax(near, far))
+        for near, far in ((rows[1:-3], rows[:-4]), (rows[3:-1], rows[4:]))
+    )
     return np.minimum(before, after)
 
 

@@ -113,8 +113,8 @@ class Wholeness:
     """(s, n) the share of a turn's movement that leads off the surface, 0 to 1; 1 where it is not
     known how the surface lies."""
     near: Bools
-    """(s, n) True where the sheet, as thick as widths say, reaches over a step: what cuts the
-    stripes of two profiles there cuts the one between them."""
+    """(s, n) True where the sheet, as thick as widths say or else the rig, reaches over a step:
+    what cuts the stripes of profiles on both sides there cuts those between them."""
     thickness: float
     """mm rms of the sheet, as the stripes' widths say; 0 where no slopes tell it from a blur, or
     where something else makes them."""
@@ -221,8 +221,11 @@ def _lying(
     blind = (fine < KNOWN) & (~agree | (doubt > 0)) & ~still
     alone = Alone(lone, still, blind, agree)
     doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
-    near = told & (fine >= 1.0)
-    own = Wholeness(shift, doubt, tail, glow, slide, near, thickness if told else 0.0)
+    seen = thickness if told else 0.0
+    # Where widths do not tell how far the light reaches over an edge, what the rig says counts.
+    reach = seen or light.stated
+    near = (fineness(arcs, reach) >= 1.0) & (reach > 0)
+    own = Wholeness(shift, doubt, tail, glow, slide, near, seen)
     return own, thickness, still
 
 
