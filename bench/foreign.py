@@ -277,7 +277,7 @@ def said(found: Sequence[Row]) -> str:
         f" and {100 * merged.beyond:.2f} % of {len(merged.off)} merged vertices beyond three sigma;"
         f" {single.invented} and {merged.invented} beyond six sigma and half the spacing; rms of"
         f" error over sigma {single.ratio:.2f} and {merged.ratio:.2f}; completeness"
-        f" {100 * np.mean([r.complete for r in found]):.1f} %."
+        f" {100 * np.nanmean([r.complete for r in found]):.1f} %."
     )
 
 

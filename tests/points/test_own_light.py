@@ -85,6 +85,27 @@ def test_what_is_wider_or_brighter_than_a_whole_stripe_is_not_believed_for_its_l
     assert np.all(wholeness(notched(width, light, deep=deep)).doubt[7, 3:9] > 0.15 * DUE)
 
 
+@pytest.mark.parametrize(
+    ("light", "before", "gone"),
+    [
+        (0.03, 3.0, True),
+        (0.03, 1.0, False),  # no further than the sheet's light may move it
+        (0.2, 3.0, False),  # a thin dark bar
+        (0.03, 0.0, False),  # dark paint
+        (0.03, -3.0, False),  # the bottom of a hole
+    ],
+)
+def test_faint_light_in_front_of_the_profiles_beside_is_no_stripe(light, before, gone):
+    """In one profile the wall is not lit, and two steps further on a stripe falls on it again."""
+    told = wholeness(notched(1.0, light, deep=-before))
+    assert told.glow[7].all() == told.glow[7].any() == gone
+    assert not np.delete(told.glow, 7, axis=0).any()
+    rolled = notched(1.0, light, deep=-before)
+    for k in (rolled.points, rolled.width, rolled.amplitude):
+        k[:] = np.roll(k, 6, axis=0)  # now it is the last
+    assert not wholeness(rolled).glow.any(), "nothing is known beyond it"
+
+
 def test_light_that_is_known_badly_says_less():
     rng = np.random.default_rng(1)
     seen = notched(0.8, 1.0)

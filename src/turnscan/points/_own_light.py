@@ -65,6 +65,10 @@ _STRAY, _ODD = 0.05, (0.5, 2.0)
 """Part of the usual peak below which light is asked whether it comes in stripes, and the parts of
 the width on a surface that faces the camera from which to which a stripe is one."""
 
+_AFORE = 4.0
+"""Thicknesses of the sheet that such light must stand in front of what both profiles beside show,
+not to be a stripe."""
+
 
 class Own(NamedTuple):
     """Stripes, as wide and bright as they are about each."""
@@ -335,6 +339,33 @@ def strays(light: LitPoints, thickness: float, due_on: Callable[[Floats], Floats
         part = light.width[at] / _due(_facing(light, at)[0], thickness, due_on)
         out[at] = (part < _ODD[0]) | (part > _ODD[1])
     return runs_of(out, faint)
+
+
+def afore(light: LitPoints, thickness: float) -> Bools:
+    """(s, n) True where no more than a twentieth is left of the peaks on the same line of both
+    profiles beside, and the point stands in front of both.
+
+    No edge between them cuts its stripe so much and leaves it there: it is what they throw on
+    something else. What is painted as dark lies between them, and in a hole behind them.
+    """
+    out = np.zeros(light.width.shape, dtype=np.bool_)
+    if not thickness > 0:
+        return out
+    bright, size = light.amplitude, len(out)
+    with np.errstate(invalid="ignore"):
+        lit = np.minimum(np.roll(bright, 1, axis=0), np.roll(bright, -1, axis=0))
+        faint = bright < _STRAY * lit
+    if not light.closed:
+        faint[[0, -1]] = False
+    step, line = np.nonzero(faint)
+    X = light.points[step, line]
+    sight = light.eyes[step] - X
+    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+    front = [
+        np.einsum("ki,ki->k", X - light.points[(step + way) % size, line], sight) for way in (-1, 1)
+    ]
+    out[step, line] = np.minimum(*front) > _AFORE * thickness
+    return out
 
 
 def runs_of(glow: Bools, dim: Bools) -> Bools:

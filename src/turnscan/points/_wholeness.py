@@ -26,7 +26,7 @@ from turnscan.points._creased import (
 )
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
-from turnscan.points._own_light import Alone, Own, by_own_light, runs_of, spent, strays
+from turnscan.points._own_light import Alone, Own, afore, by_own_light, runs_of, spent, strays
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -213,7 +213,7 @@ def _lying(
     in_parts(part, size, -(-size // _TOGETHER))
     lit = Own(width, bright, walk)
     glow = runs_of(glow, dim) | spent(light, lit, thickness, due_on)
-    glow |= strays(light, thickness, due_on)
+    glow |= strays(light, thickness, due_on) | afore(light, thickness)
     still = np.isinf(walk).any(axis=0)
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     lone = (np.isnan(walk).all(axis=0) | (ends & np.isnan(flat)).any(axis=0)) & ~still
