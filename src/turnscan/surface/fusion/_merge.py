@@ -29,7 +29,7 @@ from turnscan.surface.fusion._range_surface import (
     spacing,
 )
 from turnscan.surface.fusion._seat import seated
-from turnscan.surface.fusion._tsdf import fuse
+from turnscan.surface.fusion._tsdf import fuse, without_slivers
 from turnscan.surface.fusion._witness import witnessed
 
 MergeMethod = Literal["auto", "grid", "tsdf", "paste"]
@@ -37,6 +37,8 @@ _SEAM = 3
 """Voxels, of the size of the usual spacing, by which a surface may end before it meets the next:
 one point is cleaned away at the edge, up to one spacing is left before it, and a cube needs all
 its corners."""
+_SHORT = 0.3
+"""Voxels: of two vertices that are confirmed, no further from each other, one is left."""
 
 
 def merge(
@@ -145,6 +147,7 @@ class _Ways:
             text += "; the spacing along profiles has no effect"
         mesh = fuse(self.surfaces, size, ramp, _SEAM if self.sewn else 0, most)
         mesh, lost = _confirmed(mesh, self.surfaces, size, most)
+        mesh = without_slivers(mesh, _SHORT * size)
         return mesh, [_merged_by(text, "grid|paste"), *lost]
 
     def side_by_side(self, why: str) -> Merged:

@@ -43,7 +43,7 @@ _FAINT = 0.01
 """Weight of that: it decides only where nothing else is known."""
 _RELAXED = 8
 """Sweeps of relaxation for each voxel that a surface is carried on by."""
-_SHORT = 0.3
+_SHORT = 0.15
 """Voxels: of two vertices no further from each other one is left."""
 
 Singles = npt.NDArray[np.float32]
@@ -124,7 +124,7 @@ def fuse(
     mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, nearest, sigma))
     if not known.all():
         mesh = _taut(_without_flaps(replace(mesh, measured=known), seam))
-    return _without_slivers(mesh, voxel)
+    return without_slivers(mesh, _SHORT * voxel)
 
 
 @dataclass(frozen=True)
@@ -237,14 +237,15 @@ def _taut(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=fair(mesh.vertices, mesh.faces, free, 1, np.ones(len(free))))
 
 
-def _without_slivers(mesh: Mesh, voxel: float) -> Mesh:
-    """The mesh with one vertex left of two that stand next to each other: the better known one.
+def without_slivers(mesh: Mesh, apart: float) -> Mesh:
+    """The mesh with one vertex left of two that stand less than ``apart`` mm from each other: the
+    better known one.
 
-    Where the surface passes close by a corner of a ``voxel``, mm, marching cubes puts a vertex on
-    each of its edges; of one place they know no more than one.
+    Where the surface passes close by a corner of a voxel, marching cubes puts a vertex on each of
+    its edges; of one place they know no more than one.
     """
     one, other = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    near = np.linalg.norm(mesh.vertices[one] - mesh.vertices[other], axis=1) < _SHORT * voxel
+    near = np.linalg.norm(mesh.vertices[one] - mesh.vertices[other], axis=1) < apart
     one, other = one[near], other[near]
     p = mesh.provenance
     sigma = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma, nan=np.inf)
