@@ -106,6 +106,19 @@ def test_faint_light_in_front_of_the_profiles_beside_is_no_stripe(light, before,
     assert not wholeness(rolled).glow.any(), "nothing is known beyond it"
 
 
+@pytest.mark.parametrize("side", [6, 8])
+def test_both_profiles_beside_are_asked_whether_faint_light_stands_in_front(side):
+    """Not where the wall ends, one profile is as dark, or a frame is missing on one side."""
+    assert wholeness(notched(1.0, 0.03, deep=-3.0)).glow[7].all()
+    step, dark, gap = (notched(1.0, 0.03, deep=-3.0) for _ in range(3))
+    rows = np.s_[:7] if side < 7 else np.s_[8:]
+    step.points[rows, :, 1] -= 3.0
+    dark.amplitude[side] *= 0.03
+    gap.angles[rows] += (side - 7) * STEP / 40.0
+    for seen in (step, dark, gap):
+        assert not wholeness(seen).glow[7].any()
+
+
 def test_light_that_is_known_badly_says_less():
     rng = np.random.default_rng(1)
     seen = notched(0.8, 1.0)

@@ -385,6 +385,29 @@ def test_an_edge_before_a_last_profile_is_doubted_there_alone():
     assert cut[ranks < ranks.max()].max() < 0.1
 
 
+@pytest.mark.parametrize("names", [("L0", "L1"), ("L1", "L0")])
+def test_what_another_laser_saw_to_its_end_is_no_last_profile(names):
+    """A plate and a face at 45°, of which one laser saw a single profile and the other all."""
+
+    def seen(degrees, name):
+        angles = np.deg2rad(degrees)
+        out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+        edge = np.array([10.0, 10.0 * np.tan(np.deg2rad(60.0))])
+        lean = np.full(2, np.sqrt(0.5))
+        r = np.minimum(10.0 / out[:, 0], lean @ edge / (out[:, :2] @ lean))
+        grid = turned(angles, np.full(30, 1.0), sigma=0.1)
+        points = grid.points + (r - 1.0)[:, None, None] * out[:, None]
+        return replace(grid, laser=name, points=points)
+
+    coarse, fine = seen(np.arange(-30, 76, 15.0), names[0]), seen(np.arange(-30, 90, 2.5), names[1])
+    (one,) = range_surfaces(coarse)
+    assert one.at_ends.max() > 3.0
+    mesh, _ = merge([coarse, fine], how="tsdf", voxel=0.6)
+    face = (mesh.vertices[:, 1] > 17.8) & (mesh.vertices[:, 1] < 23.0)
+    assert face.sum() > 100
+    assert mesh.provenance.sigma[face].max() < 0.15
+
+
 def test_what_is_known_worse_than_usual_is_not_averaged_away():
     """Noise is; what an edge does to one laser it does to the other as well."""
     angles = np.arange(60) * 2 * np.pi / 60

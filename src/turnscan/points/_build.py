@@ -29,8 +29,8 @@ _CLAIMED = 0.15
 _TOGETHER = 64
 """Steps whose points are computed at a time."""
 _ODD = 1.5
-"""Times a point's sigma by which both profiles beside it are doubted, and it as much as they: what
-cuts stripes along an edge cuts the one between them too, which by chance looks well."""
+"""Times a point's sigma by which profiles on both sides of it are doubted, and it as much as they:
+what cuts stripes along an edge cuts those between them too, which by chance look well."""
 _ALIKE = 8
 """Lines to either side on a profile whose usual doubt a point has at least: an edge along the
 profile cuts them all alike."""
@@ -57,7 +57,7 @@ def build_grid(
     (`pooled_sigma`), of what its width says (`wholeness`; nothing
     where it was refined), of what a thick sheet does on a curved surface (`curvature_shift`, which
     is taken off), and of how far the angle's uncertainty carries the point off its surface; where
-    both profiles beside it are doubted by much more, that of the better one, and no less than most
+    profiles on both sides are doubted by much more, that of the better one, and no less than most
     of those beside it on its profile are doubted.
     Stripes that something cuts where what is seen ends are flagged EDGE.
 
@@ -252,15 +252,15 @@ def _doubted_alike(sigma: Floats, doubt: Floats, near: Bools, closed: bool) -> F
 
 
 def _both_sides(doubt: Floats, closed: bool) -> Floats:
-    """(s, n) mm: by how much, at least, one of two profiles before and one of two after are doubted
-    on each line, both of two that lie on one narrow face too; NaN where the next is missing."""
+    """(s, n) mm: by how much, at least, profiles on both sides are doubted on each line, where no
+    more than one other lies on the face between them; NaN where the next is missing."""
     none = np.full((2, doubt.shape[1]), np.nan)
     rows = np.concatenate([doubt[-2:], doubt, doubt[:2]] if closed else [none, doubt, none])
-    before, after = (
-        np.where(np.isnan(near), np.nan, np.fmax(near, far))
-        for near, far in ((rows[1:-3], rows[:-4]), (rows[3:-1], rows[4:]))
-    )
-    return np.minimum(before, after)
+    before, after = rows[1:-3], rows[3:-1]
+    beside = np.minimum(before, after)
+    for near, far in ((before, rows[4:]), (after, rows[:-4])):
+        beside = np.where(np.isnan(beside), np.nan, np.fmax(beside, np.minimum(near, far)))
+    return np.asarray(beside)
 
 
 def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:

@@ -65,9 +65,9 @@ _STRAY, _ODD = 0.05, (0.5, 2.0)
 """Part of the usual peak below which light is asked whether it comes in stripes, and the parts of
 the width on a surface that faces the camera from which to which a stripe is one."""
 
-_AFORE = 4.0
+_AFORE, _NEXT = 4.0, 1.5
 """Thicknesses of the sheet that such light must stand in front of what both profiles beside show,
-not to be a stripe."""
+not to be a stripe, and usual steps up to which these are beside."""
 
 
 class Own(NamedTuple):
@@ -357,6 +357,9 @@ def afore(light: LitPoints, thickness: float) -> Bools:
         faint = bright < _STRAY * lit
     if not light.closed:
         faint[[0, -1]] = False
+    turn = np.abs(np.angle(np.exp(1j * (np.roll(light.angles, -1) - light.angles))))
+    far = turn > _NEXT * np.median(turn)
+    faint[far | np.roll(far, 1)] = False  # frames are missing there
     step, line = np.nonzero(faint)
     X = light.points[step, line]
     sight = light.eyes[step] - X

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints, Longs
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh
 from turnscan.points import usual_sigma
 from turnscan.surface.fusion._range_surface import RangeSurface
@@ -58,8 +58,8 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     what is explained: what the surface may do between its profiles there, and a tenth of ``voxel``
     mm, which the merge itself rounds off. Sigma is no less than how far from the nearest such
     surface a vertex lies beyond what is explained, and takes in how far the merge put it beside
-    all of them, and what the nearest may do between two lines (`RangeSurface.between_lines`) and
-    before a last profile (`RangeSurface.at_ends`).
+    all of them, what the nearest may do between two lines (`RangeSurface.between_lines`), and what
+    each that passes by may do before a last profile (`RangeSurface.at_ends`).
     Guessed is a vertex that lies two usual sigma beside every surface; one that stands beside all
     points that were measured and lies one and a half beside the surfaces, what they may do between
     their profiles included; and, further than half a voxel from those points, one that has a sigma
@@ -76,11 +76,12 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     usual, sure = float(np.median(every)), usual_sigma(every)
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
     away, least, doubt, reach = np.full((4, len(mesh.vertices)), np.inf)
-    lines, at_end = np.zeros((2, len(mesh.vertices)))
+    lines, at_end = np.zeros(len(mesh.vertices)), np.full(len(mesh.vertices), np.inf)
     for s in surfaces:
         # What one surface confirms only from afar, another may confirm from nearby.
         far = (doubt > _CHORD * usual) & (reach > _CLOSE * voxel) | (own > _VAGUE * usual)
-        asked = np.flatnonzero(~out | (away > own) | (least > own) | (lines > 0) | far)
+        far |= (lines > 0) | (at_end > 0) & np.isfinite(at_end)
+        asked = np.flatnonzero(~out | (away > own) | (least > own) | far)
         if not len(asked) or not len(s.mesh.faces):
             continue
         X = np.array(mesh.vertices[asked])
@@ -103,8 +104,10 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
         lines[asked[nearest]] = s.between_lines[corners].max(axis=1)[nearest]
         least[asked] = np.minimum(least[asked], off)
         closest = np.linalg.norm(ends - X[:, None], axis=2).min(axis=1)
-        # No place is further off than from the nearest point.
-        at_end[asked[nearest]] = np.minimum(_at_end(s, corners, share), closest)[nearest]
+        # No place is further off than from a measured point.
+        end = np.minimum(_at_end(s, corners, share), closest)
+        on = near & (off <= noise + _ROUNDED * voxel)
+        at_end[asked[on]] = np.minimum(at_end[asked[on]], end[on])
         chord = between * _half_way(share, s.ranks[corners])
         doubt[asked] = np.minimum(doubt[asked], chord + off)
         reach[asked] = np.minimum(reach[asked], closest)
@@ -116,6 +119,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     afar = (reach > _AFAR * voxel) & ~guessed
     loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed & ~afar
     sigma = np.maximum(np.hypot(own, beside), away)
+    at_end[np.isinf(at_end)] = 0.0
     sigma = np.hypot(sigma, np.hypot(lines, _AT_END * at_end))
     sigma[afar] = np.hypot(sigma[afar], reach[afar] / _UNKNOWN)
     return Witness(out, sigma, guessed, loose, afar)
@@ -134,20 +138,19 @@ def _shares(places: Floats, ends: Floats) -> Floats:
 def _at_end(s: RangeSurface, corners: Ints, shares: Floats) -> Floats:
     """(m,) mm: how far the surface may lie off faces to a last profile (`RangeSurface.at_ends`), at
     places of these ``shares`` (m, 3) of their vertices, ``corners`` (m, 3)."""
-    off = s.at_ends[corners]
-    part = _part_of_profile(shares, s.ranks[corners], off.argmax(axis=1))
-    return np.asarray(part * off.max(axis=1))
+    parts = _parts_of_profiles(shares, s.ranks[corners])
+    return np.asarray((parts * s.at_ends[corners]).max(axis=1))
 
 
 def _half_way(shares: Floats, ranks: Ints) -> Floats:
     """(m,) how much of what a surface may do between two profiles counts at places of these
     ``shares`` (m, 3) of vertices on the profiles ``ranks`` (m, 3): 0 on them, 1 half-way."""
-    part = _part_of_profile(shares, ranks, np.zeros(len(ranks), dtype=np.int64))
+    part = _parts_of_profiles(shares, ranks)[:, 0]
     return np.asarray(4.0 * part * (1.0 - part))
 
 
-def _part_of_profile(shares: Floats, ranks: Ints, of: Longs) -> Floats:
-    """(m,) from 0 to 1: what of the ``shares`` (m, 3) of vertices on the profiles ``ranks`` (m, 3)
-    is on that profile on which the vertex ``of`` (m,), 0 to 2, is."""
-    same = ranks == np.take_along_axis(ranks, of[:, None], axis=1)
-    return np.asarray(np.clip((shares * same).sum(axis=1), 0.0, 1.0))
+def _parts_of_profiles(shares: Floats, ranks: Ints) -> Floats:
+    """(m, 3) from 0 to 1: what of the ``shares`` (m, 3) of vertices on the profiles ``ranks`` (m,
+    3) is on the profile of each."""
+    same = ranks[:, :, None] == ranks[:, None, :]
+    return np.asarray(np.clip((shares[:, None, :] * same).sum(axis=2), 0.0, 1.0))
