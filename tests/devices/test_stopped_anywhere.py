@@ -234,8 +234,19 @@ def test_a_hundred_moments(commands: Commands, tmp_path: Path) -> None:
             and m.phase in ("turning", "storing")
             and m.how in ("SIGINT", "SIGKILL")
         )
+        # Killed when its first move was noted and had not made a step, a board counts zero, as one
+        # does that has restarted in that move.
+        first = (
+            m.dialect in ("grbl", "horus")
+            and m.how == "SIGKILL"
+            and m.phase in ("turning", "storing")
+            and m.count == 1
+            and "counts from zero" in m.lost
+        )
         # The alarm may also come when the table is there and the driver does not know it yet.
         alarm = m.how == "alarm" and (m.turning or m.phase in ("turning", "storing"))
-        assert alarm or unheard, (m, m.lost)
+        assert alarm or unheard or first, (m, m.lost)
     assert sum(m.dialect == "fabscan" for m in lost) <= MOMENTS // 20
     assert sum(m.how == "SIGINT" for m in lost) <= MOMENTS // 100
+    counted = [m for m in lost if m.dialect in ("grbl", "horus") and m.how == "SIGKILL"]
+    assert len(counted) <= MOMENTS // 50
