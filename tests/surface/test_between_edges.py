@@ -79,3 +79,22 @@ def test_missing_points_are_no_edge() -> None:
     points = made.points.copy()
     points[12] = np.nan
     np.testing.assert_allclose(random(replace(made, points=points))[11], 1.0)
+
+
+def test_lines_of_the_sensor_on_which_nothing_is_seen_change_nothing() -> None:
+    made = grid([10, 12], np.s_[:30])
+    wide = np.full((STEPS, 3 * LINES, 3), np.nan)
+    wide[:, LINES : 2 * LINES] = made.points
+    more = {
+        name: np.pad(getattr(made, name), ((0, 0), (LINES, LINES)), constant_values=empty)
+        for name, empty in (
+            ("sigma", np.nan),
+            ("noise", np.nan),
+            ("amplitude", np.nan),
+            ("flags", 1),
+        )
+    }
+    seen = random(replace(made, points=wide, **more))[:, LINES : 2 * LINES]
+    np.testing.assert_array_equal(seen, random(made))
+    assert (seen[11, :20] < 1.0).all()
+    assert (seen[11, 45:] == 1.0).all()
