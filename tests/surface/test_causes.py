@@ -18,7 +18,7 @@ from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
 from turnscan.surface import mesh_grid
 from turnscan.surface.clean import drop_islands
-from turnscan.surface.holes import CAUSE_WORDS, Cause, ScanCoverage, explain, holes
+from turnscan.surface.holes import CAUSE_WORDS, Cause, ScanCoverage, _hole_places, explain, holes
 from turnscan.surface.holes import _causes as causes
 from turnscan.surface.holes._hole_places import places_in
 
@@ -342,6 +342,35 @@ def test_what_turns_away_at_an_edge_is_hidden_and_not_dark() -> None:
     assert {h.cause for h in named if h.area > 100} <= {"laser", "camera"}
 
 
+def _recessed_box(p: np.ndarray) -> np.ndarray:
+    """A box of 40 mm with a recess of 16 × 16 mm, 25 mm deep, in one flank."""
+    q = p - np.array([0.0, 0.0, 20.0])
+    box, recess = np.abs(q) - 20.0, np.abs(q - (20.0, 0.0, 2.0)) - (25.0, 8.0, 8.0)
+    off = [
+        np.linalg.norm(np.maximum(o, 0.0), axis=-1) + np.minimum(o.max(axis=-1), 0.0)
+        for o in (box, recess)
+    ]
+    return np.asarray(np.maximum(off[0], -off[1]))
+
+
+def test_a_recess_whose_wall_shows_is_hidden_and_not_dark(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A smooth surface could span it, in free sight of lamp and lens: only the upper part of a wall
+    says that none does."""
+    rig = make_rig(elevation=0.1, lift=20.0, lasers=(-0.4, 0.4))
+    turn = full_turn(90)
+    stripes = scan_shape(rig, _recessed_box, turn)
+    grid = points.build_grid(rig, "L0", stripes, np.arange(90), turn)
+    mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
+
+    def named() -> Cause | None:
+        found = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, Volume())])
+        return next(h.cause for h in found if h.centre[0] > 15.0 and h.area > 100)
+
+    assert named() in ("laser", "camera")
+    monkeypatch.setattr(_hole_places, "_WALLED", 1.0)
+    assert named() == "dark"
+
+
 @pytest.mark.parametrize(
     ("turned", "guessed", "name"),
     [
@@ -374,8 +403,9 @@ def test_what_light_and_look_come_to_too_flatly_is_grazing(
 @pytest.mark.parametrize(
     ("votes", "name"),
     [
-        ({"grazing": 3.0, "laser": 2.0, "camera": 1.0}, "grazing"),
-        ({"flat to the laser": 3.0, "camera": 2.0, "dark": 2.0}, "grazing"),
+        ({"grazing": 3.0, "laser": 0.5, "camera": 0.2}, "grazing"),
+        ({"flat to the laser": 3.0, "camera": 0.7, "dark": 2.0}, "grazing"),
+        ({"flat to the laser": 9.0, "flat to the camera": 9.0, "hidden from both": 6.0}, "laser"),
         ({"flat to the laser": 3.0, "laser": 1.0, "dark": 3.5}, "laser"),
         ({"flat to the camera": 3.0, "laser": 4.0, "camera": 1.5}, "camera"),
         ({"hidden from both": 2.0, "laser": 1.0, "outside": 2.5}, "laser"),

@@ -7,8 +7,9 @@ import pytest
 
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh, Provenance
+from turnscan.rig import rotation_z
 from turnscan.surface.holes import holes
-from turnscan.surface.holes._spans import smoothed, spanned, unit
+from turnscan.surface.holes._spans import smoothed, spanned, unit, walled
 
 R, HIGH = 20.0, 40.0
 APART = 2.0
@@ -78,6 +79,44 @@ def test_where_hardly_any_corner_is_known_well_all_count() -> None:
     window = _tube((1.0, 1.3))
     trusted, doubted = (_shares(_scattered(window, s, 0.9))[1] for s in (0.1, 1.5))
     assert trusted == doubted < 0.75
+
+
+def _plate(deep: float, side: int) -> Mesh:
+    """A plate with a square window, 10 mm wide, from whose side (0 to 3) a wall goes down
+    ``deep`` mm, facing into it."""
+    n, first, last = 31, 10, 20
+    x, y = (a.ravel().astype(float) for a in np.meshgrid(np.arange(n), np.arange(n)))
+    vertices = np.stack([x, y, 0.0 * x], axis=-1)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n - 1), np.arange(n - 1), indexing="ij"))
+    kept = (i < first) | (i >= last) | (j < first) | (j >= last)
+    i, j = i[kept], j[kept]
+    a, b, c, d = i * n + j, i * n + j + 1, (i + 1) * n + j, (i + 1) * n + j + 1
+    faces = [np.stack([a, b, d], -1), np.stack([a, d, c], -1)]
+    if deep:
+        rim = first * n + np.arange(first, last + 1)
+        foot = len(vertices) + np.arange(len(rim))
+        vertices = np.concatenate([vertices, vertices[rim] - (0.0, 0.0, deep)])
+        a, b, c, d = rim[:-1], rim[1:], foot[:-1], foot[1:]
+        faces += [np.stack([a, b, d], -1), np.stack([a, d, c], -1)]
+    used, faces = np.unique(np.concatenate(faces), return_inverse=True)
+    turned = vertices[used] @ rotation_z(side * np.pi / 2).T
+    return Mesh(turned, faces.reshape(-1, 3).astype(np.int32))
+
+
+@pytest.mark.parametrize("side", range(4))
+def test_a_wall_that_goes_down_into_a_hole_is_seen_from_any_side(side: int) -> None:
+    def share(deep: float) -> float:
+        mesh = _plate(deep, side)
+        return float(walled(mesh, sorted(holes(mesh), key=lambda h: h.size)[:1])[0])
+
+    assert share(0.0) == 0.0
+    assert share(4.0) == pytest.approx(0.25, abs=0.08)
+
+
+def test_about_a_place_on_a_round_body_no_wall_looks_into_it() -> None:
+    mesh = _tube((1.0, 2.2))
+    window = sorted(holes(mesh), key=lambda h: h.centre[2])[1]
+    assert walled(mesh, [window])[0] == 0.0
 
 
 def test_the_sums_go_round_the_border_and_nothing_has_no_direction() -> None:

@@ -12,7 +12,7 @@ from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import vertex_normals
 from turnscan.surface.holes._fill import patches
 from turnscan.surface.holes._holes import Hole, vector_area
-from turnscan.surface.holes._spans import spanned, unit
+from turnscan.surface.holes._spans import spanned, unit, walled
 
 _MARGIN = 2.0
 """Usual sides of faces by which a surface ends before the volume does: a sample, and clean-up."""
@@ -22,6 +22,9 @@ _RINGS = 2
 """Distances beyond an island's border at which what is about it is asked."""
 _SPANNED = 0.75
 """Share of a hole's border that must be faced over a smooth arc for one surface to span it."""
+_WALLED = 0.1
+"""Share of a wide hole's border along which the surface looks into it that makes it a recess: bores
+have 0.1 to 0.4, painted places next to nothing; in narrow holes the noise of normals makes that."""
 _SAMPLES = 48
 """Places in a hole that are asked, at most."""
 _RIM = 100
@@ -53,7 +56,8 @@ class Places:
     reach: Floats
     """(h,) mm: how far each hole reaches, its size."""
     smooth: Bools
-    """(h,) True for the holes that a smooth surface may span (`spanned`)."""
+    """(h,) True for the holes that a smooth surface may span (`spanned`), and into which no wall
+    goes down (`walled`)."""
 
     island: Bools
     """(h,) True for borders of islands: what they enclose is there, and what is about it lacks."""
@@ -97,6 +101,7 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     inner = np.bincount(hole, island, len(found)) > 0.5 * asked
     smooth = spanned(mesh, found, face) >= _SPANNED
     smooth &= np.bincount(hole, bent, len(found)) <= 0.5 * asked
+    smooth &= ~wide | (walled(mesh, found) <= _WALLED)
     return Places(at, n, hole, face, _MARGIN * usual, bent, wide, size, smooth, inner)
 
 

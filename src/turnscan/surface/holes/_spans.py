@@ -15,7 +15,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import vertex_normals
-from turnscan.surface.holes._holes import Hole
+from turnscan.surface.holes._holes import Hole, vector_area
 
 _CORNERS = 48
 """Corners of a border that are asked, about; fewer where there are many borders."""
@@ -26,6 +26,8 @@ _ALONG = 2
 _VAGUE, _FEW = 0.5, 0.25
 """Part of what two samples are apart by which a corner may lie off to say how the surface goes on;
 all say it where fewer than this part of a border do."""
+_INTO = 0.5
+"""Cosine of 60° between a normal and the way across a hole, from which a wall looks into it."""
 
 
 def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
@@ -56,6 +58,24 @@ def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
     told = np.concatenate(known)
     share = np.bincount(owner, ok & told, len(found)) / np.bincount(owner, told, len(found))
     return np.asarray(share, dtype=np.float64)
+
+
+def walled(mesh: Mesh, found: Sequence[Hole]) -> Floats:
+    """(h,) share of each hole's border along which the surface looks into the hole.
+
+    So does the wall of a bore or of a gap between teeth, whose upper part was measured: the part
+    goes down there, and no surface goes on across. About a dark place the surface looks out of it.
+    """
+    normals = np.nan_to_num(vertex_normals(mesh))
+    share = []
+    for h in found:
+        corners = mesh.vertices[h.loop]
+        open_to = unit(vector_area(corners)[None])[0]
+        across = corners.mean(axis=0) - corners
+        across = unit(across - (across @ open_to)[:, None] * open_to)
+        looks = np.einsum("ij,ij->i", unit(smoothed(normals[h.loop])), across)
+        share.append(np.mean(looks > _INTO))
+    return np.array(share, dtype=np.float64)
 
 
 def smoothed(values: Floats) -> Floats:
