@@ -72,6 +72,10 @@ PARSING = [
 BROWSER = "tests/app/e2e/"
 """Begun first: one process has work there for more than half of the time of all."""
 
+WAITING = ("crash", "devices", "safety")
+"""Rooms whose tests wait most of their time for boards, cameras and guards: spread evenly among the
+others, lest all processes wait at once, or none does."""
+
 LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
 """Rooms of many short modules: they fill the processes evenly while the last long ones end."""
 
@@ -88,8 +92,23 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    last = tuple(f"tests/{room}/" for room in LAST)
-    items.sort(key=lambda item: item.nodeid.startswith(last) - item.nodeid.startswith(BROWSER))
+    last, waiting = (tuple(f"tests/{room}/" for room in rooms) for rooms in (LAST, WAITING))
+
+    def kind(module: str) -> tuple[int, bool]:
+        return module.startswith(last) - module.startswith(BROWSER), module.startswith(waiting)
+
+    modules = dict.fromkeys(item.nodeid.partition("::")[0] for item in items)
+    many = Counter(map(kind, modules))
+    place, before = dict[str, float](), Counter[tuple[int, bool]]()
+    for module in modules:
+        place[module] = (before[kind(module)] + 0.5) / many[kind(module)]
+        before[kind(module)] += 1
+
+    def turn(item: pytest.Item) -> tuple[int, float]:
+        module = item.nodeid.partition("::")[0]
+        return kind(module)[0], place[module]
+
+    items.sort(key=turn)
 
 
 def _skipped(config: pytest.Config) -> Counter[str]:
