@@ -79,51 +79,76 @@ class Share:
         )
 
 
-def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
-    """How much of what an open mesh lacks is in holes with the right cause.
+@dataclass(frozen=True)
+class Missing:
+    """What an open mesh lacks of the part beside its holes, and what hinders it, whatever the
+    program says of that."""
 
-    What counts as too flat, too faint or clipped has a lower and an upper limit
-    (`bench._hole_truth`): a name is right that is right for half of the missing area, or for more
-    of it than any other, under either.
-    """
-    true = truth.patches(made)
-    gone, owner = truth.gaps(made, true, mesh, holes)
-    few = np.arange(0, len(gone), max(1, len(gone) // ASKED))
-    area = float(true.area[gone].sum()) / max(float(true.area[gone[few]].sum()), 1e-9)
-    some, owner = true.some(gone[few]), owner[few]
-    names = _numbers(h.cause for h in holes), _numbers(h.also for h in holes)
-    right, placed = np.zeros((2, len(holes)), np.bool_), np.zeros(len(owner), np.bool_)
-    told, two = np.zeros(len(holes), np.bool_), np.array([h.also is not None for h in holes], bool)
-    word = np.zeros(len(holes), np.int32)
-    for limits in LIMITS:
-        label = truth.labels(made, some, steps, *limits)
-        say = _say(made, some, label, steps)
-        votes, total = _votes(some, owner, label, say, len(holes))
-        word = np.argmax(votes, axis=1).astype(np.int32)
-        best = votes.max(axis=1)
-        new = (_RIGHT[label, names[1][owner]] > 0) & ~(_RIGHT[label, names[0][owner]] > 0)
-        alone, all_of_it = (
-            np.bincount(owner[m], some.area[m], len(holes)) for m in (say & new, say)
+    some: truth.Patches
+    """Small triangles of it, evenly some."""
+    owner: Ints
+    """(f,) the hole that each is beside."""
+    area: float
+    """mm² of all for each mm² of these."""
+    hindered: tuple[tuple[Ints, Bools], ...]
+    """(f,) by what each is, and True for those that have a say, for both `LIMITS`."""
+
+    @staticmethod
+    def of(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Missing:
+        """Ask the true part. A hole's names are not looked at."""
+        true = truth.patches(made)
+        gone, owner = truth.gaps(made, true, mesh, holes)
+        few = np.arange(0, len(gone), max(1, len(gone) // ASKED))
+        area = float(true.area[gone].sum()) / max(float(true.area[gone[few]].sum()), 1e-9)
+        some = true.some(gone[few])
+        labels = [truth.labels(made, some, steps, *limits) for limits in LIMITS]
+        return Missing(
+            some,
+            owner[few],
+            area,
+            tuple((label, _say(made, some, label, steps)) for label in labels),
         )
-        told |= two & (alone >= _TELLS * all_of_it) & (alone > 0)
-        for k, name in enumerate(names):
-            mine = np.where(name < 0, -1.0, votes[np.arange(len(holes)), name])
-            right[k] |= (mine >= np.minimum(best - 1e-9, 0.5 * total)) & (best > 0)
-            placed |= (_RIGHT[label, name[owner]] > 0) & (name[owner] >= 0)
-    taken: Counter[tuple[str, str]] = Counter()
-    lost = area * np.bincount(owner, some.area, len(holes))
-    for k, h in enumerate(holes):
-        said = str(h.cause)
-        taken[said if right[0, k] else truth.NAMES[word[k]], said] += round(float(lost[k]))
-    return Share(
-        float(lost.sum()),
-        float(lost[right[0]].sum()),
-        float(lost[right.any(axis=0)].sum()),
-        float(lost[two].sum()),
-        float(lost[told].sum()),
-        area * float(some.area[placed].sum()),
-        taken,
-    )
+
+    def share(self, holes: Sequence[Hole]) -> Share:
+        """How much of it is in holes with the right cause, as these say.
+
+        What counts as too flat, too faint or clipped has a lower and an upper limit
+        (`bench._hole_truth`): a name is right that is right for half of the missing area, or for
+        more of it than any other, under either.
+        """
+        some, owner = self.some, self.owner
+        names = _numbers(h.cause for h in holes), _numbers(h.also for h in holes)
+        right, placed = np.zeros((2, len(holes)), np.bool_), np.zeros(len(owner), np.bool_)
+        told = np.zeros(len(holes), np.bool_)
+        two = np.array([h.also is not None for h in holes], bool)
+        word = np.zeros(len(holes), np.int32)
+        for label, say in self.hindered:
+            votes, total = _votes(some, owner, label, say, len(holes))
+            word = np.argmax(votes, axis=1).astype(np.int32)
+            best = votes.max(axis=1)
+            new = (_RIGHT[label, names[1][owner]] > 0) & ~(_RIGHT[label, names[0][owner]] > 0)
+            alone, all_of_it = (
+                np.bincount(owner[m], some.area[m], len(holes)) for m in (say & new, say)
+            )
+            told |= two & (alone >= _TELLS * all_of_it) & (alone > 0)
+            for k, name in enumerate(names):
+                mine = np.where(name < 0, -1.0, votes[np.arange(len(holes)), name])
+                right[k] |= (mine >= np.minimum(best - 1e-9, 0.5 * total)) & (best > 0)
+                placed |= (_RIGHT[label, name[owner]] > 0) & (name[owner] >= 0)
+        taken: Counter[tuple[str, str]] = Counter()
+        lost = self.area * np.bincount(owner, some.area, len(holes))
+        for k, h in enumerate(holes):
+            said = str(h.cause)
+            taken[said if right[0, k] else truth.NAMES[word[k]], said] += round(float(lost[k]))
+        return Share(
+            float(lost.sum()),
+            float(lost[right[0]].sum()),
+            float(lost[right.any(axis=0)].sum()),
+            float(lost[two].sum()),
+            float(lost[told].sum()),
+            self.area * float(some.area[placed].sum()),
+            taken,
+        )
 
 
 def _numbers(names: Iterable[Cause | None]) -> Ints:
@@ -195,7 +220,8 @@ def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Sha
     out = []
     for lines, done in ((1, run.one), (2, run.both)):
         lit = replace(made, beams=made.beams[:lines])
-        out.append(share(lit, scene.steps, done.opened or done.mesh, done.holes))
+        missing = Missing.of(lit, scene.steps, done.opened or done.mesh, done.holes)
+        out.append(missing.share(done.holes))
     return out[0], out[1]
 
 

@@ -72,9 +72,9 @@ PARSING = [
 BROWSER = "tests/app/e2e/"
 """Begun first: one process has work there for more than half of the time of all."""
 
-WAITING = ("crash", "devices", "safety")
-"""Rooms whose tests wait most of their time for boards, cameras and guards: spread evenly among the
-others, lest all processes wait at once, or none does."""
+WAITING = ("crash", "devices", "safety", "web")
+"""Rooms whose tests wait much of their time for boards, cameras, guards and servers: spread evenly
+among the others, lest all processes wait at once, or none does."""
 
 LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
 """Rooms of many short modules: they fill the processes evenly while the last long ones end."""

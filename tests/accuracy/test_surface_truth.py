@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import _hole_truth as truth
-from bench.causes import share
+from bench.causes import Missing
 from bench.surface_truth import (
     Run,
     agreement,
@@ -73,20 +73,19 @@ def test_both_ends_are_holes_with_the_right_cause(run: Run) -> None:
 
 
 def test_the_missing_area_bears_the_right_cause(run: Run) -> None:
-    told = share(run.made, STEPS, run.both.opened or run.both.mesh, run.both.holes)
+    holes = run.both.holes
+    missing = Missing.of(run.made, STEPS, run.both.opened or run.both.mesh, holes)
+    told = missing.share(holes)
     assert told.missing > 100.0
     assert told.right > 0.95 * told.missing
     # Names that say something else must count as wrong, or the measure is blind.
-    wrong = [replace(h, cause="dark") for h in run.both.holes]
-    assert share(run.made, STEPS, run.both.opened or run.both.mesh, wrong).right == 0.0
+    assert missing.share([replace(h, cause="dark") for h in holes]).right == 0.0
     # A second name that says something else is counted, makes nothing right, and is said so.
-    vague = [replace(h, also="dark") for h in run.both.holes]
-    both = share(run.made, STEPS, run.both.opened or run.both.mesh, vague)
+    both = missing.share([replace(h, also="dark") for h in holes])
     assert both.two == pytest.approx(both.missing)
     assert (both.either, both.second) == (both.right, 0.0)
     # Nor is one that comes second where it is all that is right, and it alone.
-    late = [replace(h, cause="dark", also=h.cause) for h in run.both.holes]
-    last = share(run.made, STEPS, run.both.opened or run.both.mesh, late)
+    last = missing.share([replace(h, cause="dark", also=h.cause) for h in holes])
     assert last.right == 0.0
     assert last.either == last.second == pytest.approx(both.right)
 
