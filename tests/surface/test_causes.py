@@ -343,9 +343,9 @@ def test_what_turns_away_at_an_edge_is_hidden_and_not_dark() -> None:
 
 
 def _recessed_box(p: np.ndarray) -> np.ndarray:
-    """A box of 40 mm with a recess of 16 × 16 mm, 25 mm deep, in one flank."""
+    """A box of 40 mm with a recess of 12 × 12 mm, 30 mm deep, in one flank."""
     q = p - np.array([0.0, 0.0, 20.0])
-    box, recess = np.abs(q) - 20.0, np.abs(q - (20.0, 0.0, 2.0)) - (25.0, 8.0, 8.0)
+    box, recess = np.abs(q) - 20.0, np.abs(q - (20.0, 0.0, 2.0)) - (30.0, 6.0, 6.0)
     off = [
         np.linalg.norm(np.maximum(o, 0.0), axis=-1) + np.minimum(o.max(axis=-1), 0.0)
         for o in (box, recess)
@@ -406,6 +406,11 @@ def test_what_light_and_look_come_to_too_flatly_is_grazing(
         ({"grazing": 3.0, "laser": 0.5, "camera": 0.2}, "grazing"),
         ({"flat to the laser": 3.0, "camera": 0.7, "dark": 2.0}, "grazing"),
         ({"flat to the laser": 9.0, "flat to the camera": 9.0, "hidden from both": 6.0}, "laser"),
+        (
+            {"flat to the laser": 5.0, "flat to the camera": 5.0, "camera": 3.0, "dark": 9.0},
+            "camera",
+        ),
+        ({"flat to the laser": 5.0, "flat to the camera": 5.0, "dark": 9.0}, "grazing"),
         ({"flat to the laser": 3.0, "laser": 1.0, "dark": 3.5}, "laser"),
         ({"flat to the camera": 3.0, "laser": 4.0, "camera": 1.5}, "camera"),
         ({"hidden from both": 2.0, "laser": 1.0, "outside": 2.5}, "laser"),
@@ -426,6 +431,20 @@ def test_what_is_too_flat_counts_for_what_it_is_all_but_hidden_from(
     for word, weight in votes.items():
         count[0, words[word]] = weight
     assert get_args(Cause)[causes._most(count)[0]] == name
+
+
+@pytest.mark.parametrize(
+    ("sure", "first"), [(0.0, "laser"), (0.4, "laser"), (0.6, "outside"), (1.0, "outside")]
+)
+def test_a_patch_says_less_the_more_is_known_of_the_faces_beyond_its_border(
+    sure: float, first: Cause
+) -> None:
+    """Places on the patch are hidden, and three fifths of the faces are outside."""
+    patch, beyond = np.zeros((2, 1, causes._FLAT_TO_BOTH + 1))
+    patch[0, causes.LASER] = 30.0
+    beyond[0, [causes.OUTSIDE, causes.LASER]] = 0.6, 0.4
+    votes = causes._weighed(patch, beyond, np.array([sure]))
+    assert get_args(Cause)[causes._most(votes)[0]] == first
 
 
 def test_a_slanting_island_has_the_cause_of_the_hole_about_it() -> None:
@@ -467,6 +486,10 @@ def test_the_foot_of_a_part_that_lies_is_outside() -> None:
     named = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, low)])
     foot = min((h for h in named if h.area > 100), key=lambda h: h.centre[2])
     assert foot.cause == "outside"
+    # That face is known by its rim.
+    view = ScanCoverage(rig, grid, low)
+    places, scene = places_in(mesh, [foot]), causes._Scene.of(mesh, [view])
+    assert causes._beyond(mesh, [foot], places, [view], scene)[2][0] > 0.5
 
 
 @pytest.mark.parametrize(

@@ -173,11 +173,7 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
     if not any(view.grid.closed for view in views):
         known &= best != OUTSIDE  # its turn may not have come
     unsaid = (count.sum(axis=1) < 1.0) & ~known
-    # A flat patch says less, the more of the sides beyond its border are known, and next to nothing
-    # where most are.
-    patch = _PATCH * count / np.maximum(count.sum(axis=1, keepdims=True), 1.0)
-    patch *= (1.0 - sure[:, None]) ** 2
-    votes = np.where(known[:, None], patch + beyond, count)
+    votes = np.where(known[:, None], _weighed(count, beyond, sure), count)
     said = best = _most(votes)
     also = _second(votes, said)
     # A bore is not dark; what names it otherwise is known better than its wall.
@@ -248,17 +244,27 @@ def _whole(found: Sequence[Hole], places: Places, idle: Bools) -> Bools:
     return np.asarray(~places.island & (few | (idle & slight)))
 
 
+def _weighed(patch: Floats, beyond: Floats, sure: Floats) -> Floats:
+    """(h, causes) votes of flat patches and of the faces beyond their borders, of which ``sure``
+    (h,) is known. A patch says less, the more that is, and next to nothing where most is."""
+    share = _PATCH * patch / np.maximum(patch.sum(axis=1, keepdims=True), 1.0)
+    return np.asarray(share * (1.0 - sure[:, None]) ** 2 + beyond)
+
+
 def _most(count: Floats) -> Ints:
     """(h,) the cause that the most speaks for, of votes (h, causes) with those for several.
 
-    Where next to nothing (`_SOME`) but what is too flat speaks for the laser or the camera, it is
-    grazing. Where more does, the part turns away beyond what is flat, and most of it is hidden.
+    What is too flat may have more votes than the laser and the camera. Where next to nothing else
+    (`_SOME`) speaks for these, it is grazing. Where more does, the part turns away beyond what is
+    flat, and most of it is hidden.
     """
     whole = _for_each(count)
     hidden = count[:, [LASER, CAMERA, _BOTH]].sum(axis=1)
-    flat = (whole[:, FLAT] >= whole.max(axis=1)) & (hidden <= _SOME * whole[:, FLAT])
-    whole[:, FLAT] = 0.0
-    return np.where(flat, FLAT, whole.argmax(axis=1)).astype(np.int32)
+    flat = whole[:, FLAT] >= whole.max(axis=1)
+    turned = flat & (hidden > _SOME * whole[:, FLAT])
+    from_one = np.where(whole[:, LASER] >= whole[:, CAMERA], LASER, CAMERA)
+    best = np.where(flat, FLAT, whole.argmax(axis=1))
+    return np.where(turned, from_one, best).astype(np.int32)
 
 
 def _for_each(count: Floats) -> Floats:

@@ -26,8 +26,10 @@ _ALONG = 2
 _VAGUE, _FEW = 0.5, 0.25
 """Part of what two samples are apart by which a corner may lie off to say how the surface goes on;
 all say it where fewer than this part of a border do."""
-_INTO = 0.5
-"""Cosine of 60° between a normal and the way across a hole, from which a wall looks into it."""
+_INTO, _STEEP = 0.5, 0.8
+"""Cosine between a normal and the way to the middle of a hole from which a surface looks into it,
+and between a normal and the hole's plane from which it is a wall. At the border of a hollow face
+that turns by 90° in all the latter is sin 45°, 0.71."""
 
 
 def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
@@ -60,22 +62,27 @@ def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
     return np.asarray(share, dtype=np.float64)
 
 
-def walled(mesh: Mesh, found: Sequence[Hole]) -> Floats:
-    """(h,) share of each hole's border along which the surface looks into the hole.
+def walled(mesh: Mesh, found: Sequence[Hole], normals: Floats) -> Floats:
+    """(h,) share of each hole's border, by length, along which the surface looks into the hole.
 
     So does the wall of a bore or of a gap between teeth, whose upper part was measured: the part
-    goes down there, and no surface goes on across. About a dark place the surface looks out of it.
+    goes down there, and no surface goes on across. A hollow face that is `spanned` is less steep:
+    it turns by less than 90° from one side of its border to the other. ``normals`` (v, 3) are the
+    mesh's.
     """
-    normals = np.nan_to_num(vertex_normals(mesh))
-    share = []
-    for h in found:
+    share = np.zeros(len(found))
+    for k, h in enumerate(found):
         corners = mesh.vertices[h.loop]
         open_to = unit(vector_area(corners)[None])[0]
         across = corners.mean(axis=0) - corners
         across = unit(across - (across @ open_to)[:, None] * open_to)
-        looks = np.einsum("ij,ij->i", unit(smoothed(normals[h.loop])), across)
-        share.append(np.mean(looks > _INTO))
-    return np.array(share, dtype=np.float64)
+        up = unit(smoothed(normals[h.loop]))
+        steep = np.linalg.norm(up - (up @ open_to)[:, None] * open_to, axis=1) > _STEEP
+        into = steep & (np.einsum("ij,ij->i", up, across) > _INTO)
+        along = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+        long = np.linalg.norm(along, axis=1)
+        share[k] = long[into].sum() / max(float(long.sum()), 1e-12)
+    return share
 
 
 def smoothed(values: Floats) -> Floats:
