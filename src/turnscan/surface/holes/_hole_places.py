@@ -101,8 +101,8 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     inner = np.bincount(hole, island, len(found)) > 0.5 * asked
     smooth = spanned(mesh, found, face) >= _SPANNED
     smooth &= np.bincount(hole, bent, len(found)) <= 0.5 * asked
-    asked = np.flatnonzero(smooth & wide)
-    smooth[asked] = walled(mesh, [found[k] for k in asked], rims.normals) <= _WALLED
+    deep = [int(k) for k in np.flatnonzero(smooth & wide)]
+    smooth[deep] = walled(mesh, [found[k] for k in deep], rims.normals) <= _WALLED
     return Places(at, n, hole, face, _MARGIN * usual, bent, wide, size, smooth, inner)
 
 
