@@ -97,18 +97,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     def kind(module: str) -> tuple[int, bool]:
         return module.startswith(last) - module.startswith(BROWSER), module.startswith(waiting)
 
-    modules = dict.fromkeys(item.nodeid.partition("::")[0] for item in items)
-    many = Counter(map(kind, modules))
-    place, before = dict[str, float](), Counter[tuple[int, bool]]()
-    for module in modules:
-        place[module] = (before[kind(module)] + 0.5) / many[kind(module)]
-        before[kind(module)] += 1
-
-    def turn(item: pytest.Item) -> tuple[int, float]:
-        module = item.nodeid.partition("::")[0]
-        return kind(module)[0], place[module]
-
-    items.sort(key=turn)
+    alike: dict[tuple[int, bool], list[str]] = {}
+    for module in dict.fromkeys(item.nodeid.partition("::")[0] for item in items):
+        alike.setdefault(kind(module), []).append(module)
+    turn = {
+        module: (stage, (k + 0.5) / len(some))
+        for (stage, _), some in alike.items()
+        for k, module in enumerate(some)
+    }
+    items.sort(key=lambda item: turn[item.nodeid.partition("::")[0]])
 
 
 def _skipped(config: pytest.Config) -> Counter[str]:

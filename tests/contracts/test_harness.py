@@ -10,11 +10,13 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from tests import needs
+from tests import conftest, needs
 from tests.contracts.sources import SOURCES, nodes
 from tests.once import once
 
@@ -136,3 +138,17 @@ def test_what_is_made_once_is_made_by_one_and_seen_whole_by_all(
         with pytest.raises(OSError, match="no room"):
             once(tmp_path_factory, "never-of-the-harness", fail)
     assert len(made) == 3
+
+
+def test_modules_that_wait_stand_among_those_that_compute() -> None:
+    rooms = ["app/e2e", "cli", "cli", "cli", "cli", "devices", "edit", "safety", "web"]
+    names = [f"tests/{room}/test_{k}.py" for k, room in enumerate(rooms)]
+    items = [SimpleNamespace(nodeid=f"{name}::test_{n}") for name in names for n in "ab"]
+    conftest.pytest_collection_modifyitems(items)
+    turn = [item.nodeid.partition("::")[0] for item in items]
+    assert [item.nodeid[-1] for item in items] == ["a", "b"] * len(names), "modules stay whole"
+    order = list(dict.fromkeys(turn))
+    assert (order[0], order[-1]) == (names[0], names[6])
+    waits = [name.split("/")[1] in conftest.WAITING for name in order]
+    assert sum(waits) == 3
+    assert not any(a and b for a, b in pairwise(waits))

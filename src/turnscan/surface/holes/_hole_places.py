@@ -99,7 +99,7 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     bent = np.einsum("ij,ij->i", n, rims.normals[rim]) < 0.5
     asked = np.maximum(np.bincount(hole, minlength=len(found)), 1)
     inner = np.bincount(hole, island, len(found)) > 0.5 * asked
-    smooth = spanned(mesh, found, face) >= _SPANNED
+    smooth = spanned(mesh, found, face, rims.normals) >= _SPANNED
     smooth &= np.bincount(hole, bent, len(found)) <= 0.5 * asked
     deep = [int(k) for k in np.flatnonzero(smooth & wide)]
     smooth[deep] = walled(mesh, [found[k] for k in deep], rims.normals) <= _WALLED

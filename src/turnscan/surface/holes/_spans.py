@@ -14,7 +14,6 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._normals import vertex_normals
 from turnscan.surface.holes._holes import Hole, vector_area
 
 _CORNERS = 48
@@ -32,15 +31,15 @@ and between a normal and the hole's plane from which it is a wall. At the border
 that turns by 90° in all the latter is sin 45°, 0.71."""
 
 
-def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
+def spanned(mesh: Mesh, found: Sequence[Hole], apart: float, normals: Floats) -> Floats:
     """(h,) share of each hole's border that some border faces over a smooth arc, of those corners
-    that are known well beside what two samples are ``apart``, mm.
+    that are known well beside what two samples are ``apart``, mm. ``normals`` (v, 3) are the
+    mesh's.
 
     At the rim of a dark patch the last of the light is bright beside, and points lie off.
     """
     from turnscan.surface.holes import _span_kernels as kernels
 
-    normals = np.nan_to_num(vertex_normals(mesh))
     most = max(8, min(_CORNERS, _ALL // max(len(found), 1)))
     p = mesh.provenance
     vague = np.zeros(len(normals), np.bool_) if p is None else p.sigma > _VAGUE * apart
@@ -65,10 +64,9 @@ def spanned(mesh: Mesh, found: Sequence[Hole], apart: float) -> Floats:
 def walled(mesh: Mesh, found: Sequence[Hole], normals: Floats) -> Floats:
     """(h,) share of each hole's border, by length, along which the surface looks into the hole.
 
-    So does the wall of a bore or of a gap between teeth, whose upper part was measured: the part
-    goes down there, and no surface goes on across. A hollow face that is `spanned` is less steep:
-    it turns by less than 90° from one side of its border to the other. ``normals`` (v, 3) are the
-    mesh's.
+    So does the wall of a bore whose upper part was measured: the part goes down there, and no
+    surface goes on across. A hollow face that is `spanned` is less steep: it turns by less than 90°
+    from one side of its border to the other. ``normals`` (v, 3) are the mesh's.
     """
     share = np.zeros(len(found))
     for k, h in enumerate(found):
