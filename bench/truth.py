@@ -35,7 +35,7 @@ from turnscan.rig import Pose, Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Bench, SimulationSpec, bench
-from turnscan.surface.clean import Clean, drop_islands, drop_uncertain
+from turnscan.surface.clean import drop_islands, drop_uncertain
 from turnscan.surface.fusion import MergeMethod, merge
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove", "shaft", "grooves")
@@ -128,13 +128,12 @@ def rows(
         ours = _calibrated(made, rig, lasers, folder) if calibrated else made.rig
         with Scan.open(path) as scan:
             seen = tuple(detect_scan(scan, ours, Settings().stripes))
-        grids = to_grids(seen, Settings(clean=Clean(sigma=limit))).grids
+        grids = to_grids(seen, Settings()).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         for way in WAYS if lasers > 1 else ("paste",):
             mesh, _ = merge(grids, how=way)
-            if limit is not None:
-                mesh, _ = drop_uncertain(mesh, limit)
+            mesh, _ = drop_uncertain(mesh, limit)
             mesh, _ = cut_touching(mesh)
             mesh, _, _ = drop_islands(mesh, None, grids)
             name = f"{part}, {rig}{KNOWN[calibrated]}"

@@ -221,8 +221,8 @@ def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
     found = poses.align(views, starts)
     poses.check(found, by_shape=not plan.picks)
     pairs = zip(names, grids, found.poses, strict=True)
-    _, closed, _, _ = to_mesh([placed(g, p, f"{n} {g.laser}") for n, gs, p in pairs for g in gs], s)
-    return Joined(benches[0], found, [r for rs in parts for r in rs], closed)
+    merged = to_mesh([placed(g, p, f"{n} {g.laser}") for n, gs, p in pairs for g in gs], s)
+    return Joined(benches[0], found, [r for rs in parts for r in rs], merged.mesh)
 
 
 def picked(benches: Sequence[Bench], names: Sequence[str], seed: int) -> list[Pose]:

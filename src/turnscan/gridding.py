@@ -23,8 +23,9 @@ class Gridded(NamedTuple):
     """The grids of a scan, one for each turn of each laser."""
 
     grids: list[RangeGrid]
+    """All that a surface is made of, uncertain points too (`Settings.largest_sigma`)."""
     sought: list[ScanCoverage]
-    """What each could have found."""
+    """What each could have found, and did find well enough."""
     findings: list[Finding]
 
 
@@ -64,12 +65,15 @@ def to_grids(
             if s.clean is not None:
                 kept, taken = clean.clean(kept, s.clean)
                 findings += taken
+                if s.largest_sigma is None:
+                    findings += clean.uncertain_findings(kept)
             if s.denoise is not None:
                 kept = clean.denoise(kept, s.denoise, now)
             kept = kept.among(lines, turn.amplitude, turn.flags)
+            sure, _ = clean.drop_uncertain(kept, s.largest_sigma)
             light, places = turn.amplitude, turn.points
             sought.append(
-                ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places, off)
+                ScanCoverage(v.rig, sure, v.volume, v.settings.orientation, light, places, off)
             )
             if s.between is not None:
                 kept = points.respace(kept, s.between)

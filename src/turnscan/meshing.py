@@ -22,6 +22,8 @@ from turnscan.surface import clean, decimation, fusion, holes
 class Meshed(NamedTuple):
     """The mesh of a scan, before and after its gaps were closed and it was decimated."""
 
+    grids: list[RangeGrid]
+    """Without the points that are known too badly."""
     opened: Mesh
     mesh: Mesh
     findings: list[Finding]
@@ -40,7 +42,8 @@ def to_mesh(
 ) -> Meshed:
     """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
 
-    ``rig`` is the one that measured the grids; volumes are as uncertain as it is.
+    ``rig`` is the one that measured the grids; volumes are as uncertain as it is. All points make
+    the surface; then what states more than ``s.largest_sigma`` is left out, in mesh and grids.
     ``progress`` hears of merging, closing and decimating. Without ``finish`` the mesh is neither
     closed nor decimated nor settled.
     """
@@ -49,14 +52,12 @@ def to_mesh(
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
     give_back()
-    if s.clean is not None and s.clean.sigma is not None:
-        merged, uncertain = clean.drop_uncertain(merged, s.clean.sigma)
-        findings += uncertain
-    loose, touching = cut_touching(merged)
+    certain, sure, uncertain = _certain(merged, grids, s.largest_sigma)
+    loose, touching = cut_touching(certain)
     mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:
         touching += clean.long_islands(loose, s.island, grids, s.tears)
-    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(grids, rig))
+    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(sure, rig))
     mesh, closing = opened, list[Finding]()
     if finish:
         mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
@@ -66,8 +67,17 @@ def to_mesh(
         opened = whole
     closed = finish and s.caps is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
-    said = findings + touching + repairing + closing + remarks
-    return Meshed(opened, whole if finish else opened, said, cut)
+    said = findings + uncertain + touching + repairing + closing + remarks
+    return Meshed(sure, opened, whole if finish else opened, said, cut)
+
+
+def _certain(
+    merged: Mesh, grids: Sequence[RangeGrid], limit: float | None
+) -> tuple[Mesh, list[RangeGrid], list[Finding]]:
+    """Mesh and grids without what states a larger uncertainty, mm, and what went."""
+    mesh, of_mesh = clean.drop_uncertain(merged, limit)
+    each = [clean.drop_uncertain(grid, limit) for grid in grids]
+    return mesh, [grid for grid, _ in each], [f for _, said in each for f in said] + of_mesh
 
 
 def finished(

@@ -96,7 +96,7 @@ def build(
     rig = seen[0].view.rig if seen else None
     made = to_mesh(gridded.grids, s, edits, progress.subrange(_GRIDS, 1), rig, finish=finish)
     return Reconstruction(
-        tuple(gridded.grids), made.mesh, (*gridded.findings, *made.findings), tuple(edits),
+        tuple(made.grids), made.mesh, (*gridded.findings, *made.findings), tuple(edits),
         opened=made.opened, sought=tuple(gridded.sought), caps=s.caps if finish else None,
         along=s.along, tears=s.tears, cut=made.cut,
     )  # fmt: skip

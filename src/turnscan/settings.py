@@ -38,6 +38,9 @@ class Settings:
     """mm: voxels of the volumetric merge; None takes the usual spacing of the points."""
     island: int | None = None
     """Loose pieces of fewer faces are removed; None takes 1 % of the largest piece."""
+    largest_sigma: float | None = None
+    """mm: points and vertices of a larger standard uncertainty are left out of the surface that all
+    points make; None keeps them."""
     caps: ClosingOptions | None = None
     """How to close the surface; None leaves its borders open."""
     tolerance: float | None = None

@@ -105,7 +105,7 @@ def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_pa
     assert 0 < off.max() <= 2.02 * plain.provenance.sigma.max()
     limit = float(np.quantile(plain.provenance.sigma, 0.9))
     sure, told, _ = made("--largest-sigma", limit)
-    assert told["parameters"]["clean"]["sigma"] == limit
+    assert told["parameters"]["largest_sigma"] == limit
     assert sure.provenance.sigma.max() <= limit
     assert 0 < len(sure.vertices) < 0.91 * len(plain.vertices)
     few, _, result = made("--close", "--decimate", "0.02mm")

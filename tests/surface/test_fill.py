@@ -236,7 +236,8 @@ def test_a_hole_that_something_stands_in_stays_open(how):
 def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines):
     missing = 1.0 if (steps, lines) != (1, 9) else 0.0
     grid = random_grid(3, steps, lines, missing, False, 0.0)
-    _, mesh, said, _ = to_mesh([grid], Settings(caps=ClosingOptions()))
+    made = to_mesh([grid], Settings(caps=ClosingOptions()))
+    mesh, said = made.mesh, made.findings
     assert not len(mesh.faces)
     assert [f.code for f in said if f.severity != "note"] == ["surface.none"]
     assert holes(mesh) == []

@@ -6,7 +6,7 @@ from turnscan.surface.clean._despike import despike
 from turnscan.surface.clean._islands import drop_islands, long_islands
 from turnscan.surface.clean._settle import settled
 from turnscan.surface.clean._smooth import smooth, spikes
-from turnscan.surface.clean._uncertain import drop_uncertain
+from turnscan.surface.clean._uncertain import drop_uncertain, uncertain_findings
 
 __all__ = [
     "Clean",
@@ -19,4 +19,5 @@ __all__ = [
     "settled",
     "smooth",
     "spikes",
+    "uncertain_findings",
 ]

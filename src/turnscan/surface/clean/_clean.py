@@ -14,7 +14,6 @@ from turnscan.stripes import StripeFlag
 from turnscan.surface._grid_mesh import behind_of, eyes_of
 from turnscan.surface._noise import noise, spacing
 from turnscan.surface.clean._despike import despike
-from turnscan.surface.clean._uncertain import drop_uncertain, uncertain_findings
 from turnscan.threads import in_parts
 
 _BEND = float(np.cos(np.deg2rad(25.0)))
@@ -53,9 +52,6 @@ class Clean:
     outlier: float | None = None
     """Points further than this many sigma off the surface of their neighbours go; None keeps them.
     Where a surface bends within a few points, as on a coarse scan, it bends by many sigma."""
-    sigma: float | None = None
-    """mm: points of a larger standard uncertainty go; None keeps them, and so do those that state
-    none."""
     piece: float = 0.005
     """A patch of linked points stays when it has at least this share of the largest one's."""
     stretch: float = 3.0
@@ -81,11 +77,10 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     last points of each run go where the light is one-sided (flag EDGE) or a jump in depth follows:
     there the stripe falls on two surfaces and its centre on neither. So do up to six that fade
     and bend away from the line of the run, where the stripe slides off the surface aslant, and
-    points by themselves at a border, of more than three times the usual sigma. Then points of more
-    than ``sigma``, and `despike`, where ``outlier`` is given. Then points with too few linked
-    neighbours go, again and again:
-    single strays, and spikes of one line's or one profile's width. What is removed is flagged
-    EDGE or AMBIGUOUS. Last go points far off the line of their run, unless the profiles
+    points by themselves at a border, of more than three times the usual sigma. Then those that
+    `despike` takes, where ``outlier`` is given. Then points with too few linked neighbours go,
+    again and again: single strays, and spikes of one line's or one profile's width. What is removed
+    is flagged EDGE or AMBIGUOUS. Last go points far off the line of their run, unless the profiles
     beside have them alike and there is light left. A grid of one profile or one line has no
     neighbours to judge by and stays as it is.
     """
@@ -109,9 +104,6 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
                     Remedy("keep them with ", Option("edge", 0)),
                 )
             )
-    if c.sigma is not None:
-        out, taken = drop_uncertain(out, c.sigma)
-        findings += taken
     if c.outlier is not None:
         out, taken = despike(out, c.outlier)
         findings += taken
@@ -136,8 +128,6 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
         text = f"{int(drop.sum())} points far off the line of their profile are removed"
         remedy = Remedy("keep them with ", Option("edge", 0))
         findings.append(Finding("surface.spikes", "note", text, where, remedy))
-    if c.sigma is None:
-        findings += uncertain_findings(out)
     return out, findings
 
 

@@ -21,20 +21,25 @@ _MANY = 0.1
 
 
 @overload
-def drop_uncertain(what: RangeGrid, limit: float) -> tuple[RangeGrid, list[Finding]]: ...
+def drop_uncertain(what: RangeGrid, limit: float | None) -> tuple[RangeGrid, list[Finding]]: ...
 
 
 @overload
-def drop_uncertain(what: Mesh, limit: float) -> tuple[Mesh, list[Finding]]: ...
+def drop_uncertain(what: Mesh, limit: float | None) -> tuple[Mesh, list[Finding]]: ...
 
 
-def drop_uncertain(what: RangeGrid | Mesh, limit: float) -> tuple[RangeGrid | Mesh, list[Finding]]:
+def drop_uncertain(
+    what: RangeGrid | Mesh, limit: float | None
+) -> tuple[RangeGrid | Mesh, list[Finding]]:
     """The grid or the mesh without what is known worse than ``limit`` mm, and a finding if any was.
 
     In a grid points of a larger sigma go, flagged EDGE: their stripes lie on two surfaces, mostly.
-    In a mesh the faces at vertices of a larger sigma go, for a merge is less sure between profiles
-    than at them. What states no sigma stays: a range scan's points, a mesh without provenance.
+    In a mesh the faces at vertices of a larger sigma go. What states no sigma stays: a range scan's
+    points, a mesh without provenance; and everything where ``limit`` is None. A mesh is made of all
+    points before any goes: one that is known badly still shows that the surface bends there.
     """
+    if limit is None:
+        return what, []
     if isinstance(what, RangeGrid):
         with np.errstate(invalid="ignore"):
             drop = np.asarray(what.found & (what.sigma > limit))

@@ -70,11 +70,13 @@ def join_scans(
         findings += remarks
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
     told = progress.subrange(0.7, 1, "building the surface")
-    opened, mesh, remarks, _ = to_mesh(grids, replace(settings, caps=caps), progress=told)
+    made = to_mesh(grids, replace(settings, caps=caps), progress=told)
+    mesh = made.mesh
     size = np.ptp(mesh.vertices, axis=0).max() if len(mesh.vertices) else 0.0
     points = sum(int(g.found.sum()) for g in grids)
     text = f"{points} points of {len(grids)} scans, unit {unit}: {size:.1f} mm across"
     about = Finding(
         "points.range-scans", "note", text, source.name, "for other units, give the unit"
     )
-    return Reconstruction(tuple(grids), mesh, (about, *findings, *remarks), (), opened, (), caps)
+    said = (about, *findings, *made.findings)
+    return Reconstruction(tuple(made.grids), mesh, said, (), made.opened, (), caps)

@@ -281,7 +281,7 @@ class ReconstructOptions(Checked):
         from turnscan.stripes import StripeSettings
         from turnscan.surface.clean import Clean
 
-        clean = Clean(edge=self.edge, outlier=self.outliers, sigma=self.largest_sigma)
+        clean = Clean(edge=self.edge, outlier=self.outliers)
         fewer = Decimation() if self.decimate is None else decimation(self.decimate)
         between = self.spacing_between
         return Settings(
@@ -300,6 +300,7 @@ class ReconstructOptions(Checked):
             denoise=self.denoise,
             merge=self.merge,
             voxel=self.voxel,
+            largest_sigma=self.largest_sigma,
             caps=self.caps,
             tolerance=fewer.tolerance,
             faces=fewer.faces,

@@ -21,6 +21,7 @@ from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.shapes import deviation
 from turnscan.surface import thin
+from turnscan.surface.clean import drop_uncertain
 from turnscan.workflows._options._reconstruct import ReconstructOptions
 from turnscan.workflows._session._mesh import Arrays
 from turnscan.workflows._session._nothing import Left, nothing_made
@@ -180,7 +181,8 @@ def _profile(way: Way, main: Detection, k: int, edits: Sequence[Entry]) -> Float
     grids = _grids(_found(way, main.view.laser, rows), s, edits)
     nearest: tuple[float, Floats] = np.inf, np.zeros((0, 3))
     for grid in grids:
-        spaced = thin(grid, s.along, s.tears)
+        sure, _ = drop_uncertain(grid, s.largest_sigma)
+        spaced = thin(sure, s.along, s.tears)
         if not len(spaced.angles):
             continue
         off = np.abs(_apart(spaced.angles, float(main.stripes.angles[k])))
@@ -220,11 +222,12 @@ def _patch(
         found += beside
         grids += _grids(beside, s, edits)
     shown = sum(bool(stripe.found.any()) for d in found for stripe in d.stripes.stripes)
-    left = Left.of(len(rows), shown, grids)
-    grids = [g for g in grids if g.found.any()]
-    if not grids:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), left
-    return to_mesh(grids, s, (), rig=main.view.rig, finish=False).opened, left
+    there = [g for g in grids if g.found.any()]
+    if not there:
+        none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+        return none, Left.of(len(rows), shown, grids)
+    made = to_mesh(there, s, (), rig=main.view.rig, finish=False)
+    return made.opened, Left.of(len(rows), shown, made.grids)
 
 
 def _azimuths(grids: Sequence[RangeGrid]) -> tuple[float, float] | None:

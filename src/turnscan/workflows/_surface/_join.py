@@ -327,14 +327,22 @@ def _merged(
     pairs = list(zip(read, found.poses, strict=True))
     grids = [placed(g, p, f"{s.name} {g.laser}") for s, p in pairs for g in s.grids]
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
-    opened, mesh, remarks, _ = to_mesh(grids, replace(settings, caps=caps), progress=progress)
-    findings += poses.alignment_findings(found) + remarks
+    how = replace(settings, caps=caps, largest_sigma=_limit(read, settings))
+    made = to_mesh(grids, how, progress=progress)
+    mesh, left = made.mesh, made.grids
+    findings += poses.alignment_findings(found) + made.findings
     source = replace(
-        source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)), placed=_views(pairs)
+        source_of(left, None), moves=tuple(poses.pose_moves(found, mesh)), placed=_views(pairs)
     )
     return Reconstruction(
-        tuple(grids), mesh, tuple(findings), (), opened, source=source, along=settings.along
+        tuple(left), mesh, tuple(findings), (), made.opened, source=source, along=settings.along
     )
+
+
+def _limit(read: Sequence[_Source], settings: Settings) -> float | None:
+    """mm: the smallest largest sigma, of the joined surface's and those kept with the poses."""
+    kept = [s.options.largest_sigma for s in read if s.options is not None]
+    return min((x for x in (settings.largest_sigma, *kept) if x is not None), default=None)
 
 
 def _coloured(
