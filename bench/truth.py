@@ -7,7 +7,8 @@ not measured again stay. ``python -m bench.truth --keep FOLDER`` keeps the simul
 finds them again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--steps 24 60`` take some
 of those alone. ``--calibrated`` measures with a rig calibrated from pictures of a board, lays the
 surface onto the part (`bench._laid`), and adds to sigma what the calibration says of itself.
-``--largest-sigma 0.3`` leaves out what states more, as ``reconstruct`` does.
+``--largest-sigma 0.2 0.5`` measures each surface once more without what states more than that, as
+``reconstruct`` makes it.
 """
 
 from __future__ import annotations
@@ -119,9 +120,9 @@ def rows(
     steps: Sequence[int],
     folder: Path,
     calibrated: bool,
-    limit: float | None = None,
+    limits: Sequence[float] = (),
 ) -> Iterator[Row]:
-    """The table's rows, each scan simulated once."""
+    """The table's rows, each scan simulated once, and each surface again with each of the limits."""
     for part, rig, lasers, count in product(parts, rigs, lines, steps):
         spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(spec, folder)
@@ -132,15 +133,17 @@ def rows(
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         for way in WAYS if lasers > 1 else ("paste",):
-            mesh, _ = merge(grids, how=way)
-            mesh, _ = drop_uncertain(mesh, limit)
-            mesh, _ = cut_touching(mesh)
-            mesh, _, _ = drop_islands(mesh, None, grids)
-            name = f"{part}, {rig}{KNOWN[calibrated]}"
-            common: Floats | float = 0.0
-            if calibrated:
-                mesh, common = laid(mesh, grids, ours, made)
-            yield row(run, name, lasers, way, mesh, sees, common)
+            merged, _ = merge(grids, how=way)
+            for limit in (None, *limits):
+                mesh, _ = drop_uncertain(merged, limit)
+                mesh, _ = cut_touching(mesh)
+                mesh, _, _ = drop_islands(mesh, None, grids)
+                name = f"{part}, {rig}{KNOWN[calibrated]}"
+                name += "" if limit is None else f", at most {limit:g} mm"
+                common: Floats | float = 0.0
+                if calibrated:
+                    mesh, common = laid(mesh, grids, ours, made)
+                yield row(run, name, lasers, way, mesh, sees, common)
 
 
 def _calibrated(made: Bench, rig: str, lasers: int, folder: Path) -> Rig:
@@ -164,17 +167,17 @@ def run(
     rigs: Sequence[str] = RIGS,
     lasers: Sequence[int] = LASERS,
     steps: Sequence[int] = STEPS,
-    limit: float | None = None,
+    limits: Sequence[float] = (),
 ) -> None:
     """Print every row as it is measured, and put it into the page.
 
-    ``limit`` mm leaves out what states more sigma; such rows are for no page.
+    With ``limits``, mm, also without what states more sigma; such rows are for no page.
     """
     order = [f"{part}, {rig}{more}" for rig in RIGS for part in PARTS for more in KNOWN]
     with _keep.folder(keep) as folder:
         rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
         print("\n".join(HEAD))
-        for one in rows(parts, rigs, lasers, steps, folder, calibrated, limit):
+        for one in rows(parts, rigs, lasers, steps, folder, calibrated, limits):
             lines = _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
             print(lines[0], flush=True)
             if into_pages:
@@ -192,9 +195,9 @@ def main() -> None:
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--lasers", type=int, nargs="+", default=LASERS, help="so many lines")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
-    parser.add_argument("--largest-sigma", type=float, help="mm: leave out what states more")
+    parser.add_argument("--largest-sigma", type=float, nargs="+", default=[], help="mm: without more")
     given = parser.parse_args()
-    if given.write and given.largest_sigma is not None:
+    if given.write and given.largest_sigma:
         parser.error("--write puts rows of everything that is measured into the page")
     some = given.parts, given.rigs, given.lasers, given.steps
     run(given.quick, given.write, given.keep, given.calibrated, *some, given.largest_sigma)
