@@ -36,7 +36,7 @@ from turnscan.rig import Pose, Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Bench, SimulationSpec, bench
-from turnscan.surface.clean import drop_islands, drop_uncertain
+from turnscan.surface.clean import drop_islands, part_uncertain
 from turnscan.surface.fusion import MergeMethod, merge
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove", "shaft", "grooves")
@@ -122,7 +122,7 @@ def rows(
     calibrated: bool,
     limits: Sequence[float] = (),
 ) -> Iterator[Row]:
-    """The table's rows, each scan simulated once, and each surface again with each of the limits."""
+    """The table's rows, each scan simulated once, each surface again with each limit."""
     for part, rig, lasers, count in product(parts, rigs, lines, steps):
         spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(spec, folder)
@@ -135,7 +135,7 @@ def rows(
         for way in WAYS if lasers > 1 else ("paste",):
             merged, _ = merge(grids, how=way)
             for limit in (None, *limits):
-                mesh, _ = drop_uncertain(merged, limit)
+                mesh, _, _ = part_uncertain(merged, limit)
                 mesh, _ = cut_touching(mesh)
                 mesh, _, _ = drop_islands(mesh, None, grids)
                 name = f"{part}, {rig}{KNOWN[calibrated]}"
@@ -195,7 +195,8 @@ def main() -> None:
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--lasers", type=int, nargs="+", default=LASERS, help="so many lines")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
-    parser.add_argument("--largest-sigma", type=float, nargs="+", default=[], help="mm: without more")
+    limits = parser.add_argument("--largest-sigma", type=float, nargs="+", default=[])
+    limits.help = "mm: again without what states more"
     given = parser.parse_args()
     if given.write and given.largest_sigma:
         parser.error("--write puts rows of everything that is measured into the page")

@@ -25,7 +25,7 @@ class Gridded(NamedTuple):
     grids: list[RangeGrid]
     """All that a surface is made of, uncertain points too (`Settings.largest_sigma`)."""
     sought: list[ScanCoverage]
-    """What each could have found, and did find well enough."""
+    """What each could have found."""
     findings: list[Finding]
 
 
@@ -70,10 +70,9 @@ def to_grids(
             if s.denoise is not None:
                 kept = clean.denoise(kept, s.denoise, now)
             kept = kept.among(lines, turn.amplitude, turn.flags)
-            sure, _ = clean.drop_uncertain(kept, s.largest_sigma)
             light, places = turn.amplitude, turn.points
             sought.append(
-                ScanCoverage(v.rig, sure, v.volume, v.settings.orientation, light, places, off)
+                ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places, off)
             )
             if s.between is not None:
                 kept = points.respace(kept, s.between)

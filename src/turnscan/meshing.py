@@ -29,6 +29,8 @@ class Meshed(NamedTuple):
     findings: list[Finding]
     cut: Floats
     """(k, 3) mm: vertices of the opened mesh that lost faces by hand."""
+    lost: holes.LeftOut | None
+    """Faces that were known too badly; None for none."""
 
 
 def to_mesh(
@@ -52,7 +54,9 @@ def to_mesh(
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
     give_back()
-    certain, sure, uncertain = _certain(merged, grids, s.largest_sigma)
+    certain, lost, uncertain = clean.part_uncertain(merged, s.largest_sigma)
+    left_out = holes.LeftOut.of(merged, lost) if len(lost.faces) else None
+    sure, points = _certain(grids, s.largest_sigma)
     loose, touching = cut_touching(certain)
     mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:
@@ -67,17 +71,16 @@ def to_mesh(
         opened = whole
     closed = finish and s.caps is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
-    said = findings + uncertain + touching + repairing + closing + remarks
-    return Meshed(sure, opened, whole if finish else opened, said, cut)
+    said = findings + points + uncertain + touching + repairing + closing + remarks
+    return Meshed(sure, opened, whole if finish else opened, said, cut, left_out)
 
 
 def _certain(
-    merged: Mesh, grids: Sequence[RangeGrid], limit: float | None
-) -> tuple[Mesh, list[RangeGrid], list[Finding]]:
-    """Mesh and grids without what states a larger uncertainty, mm, and what went."""
-    mesh, of_mesh = clean.drop_uncertain(merged, limit)
+    grids: Sequence[RangeGrid], limit: float | None
+) -> tuple[list[RangeGrid], list[Finding]]:
+    """Grids without the points that state a larger uncertainty, mm, and what went."""
     each = [clean.drop_uncertain(grid, limit) for grid in grids]
-    return mesh, [grid for grid, _ in each], [f for _, said in each for f in said] + of_mesh
+    return [grid for grid, _ in each], [f for _, said in each for f in said]
 
 
 def finished(

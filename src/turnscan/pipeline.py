@@ -20,7 +20,7 @@ from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
 from turnscan.surface import TearLimits, holes, thin
-from turnscan.surface.holes import ClosingOptions, Hole, ScanCoverage
+from turnscan.surface.holes import ClosingOptions, Hole, LeftOut, ScanCoverage
 
 _GRIDS = 0.7
 """Of the work of a reconstruction, until there are grids."""
@@ -49,6 +49,8 @@ class Reconstruction:
     """Where profiles do not hang together; None is the default."""
     cut: Floats | None = None
     """(k, 3) mm: vertices of the mesh before closing that lost faces by hand; None for none."""
+    lost: LeftOut | None = None
+    """Faces that were left out as too uncertain; None for none."""
 
     @cached_property
     def spaced(self) -> tuple[RangeGrid, ...]:
@@ -59,7 +61,7 @@ class Reconstruction:
     def holes(self) -> list[Hole]:
         """The gaps of the surface as it was measured and edited, each with its cause."""
         mesh = self.mesh if self.opened is None else self.opened
-        return holes.explain(mesh, holes.holes(mesh), self.sought, self.cut)
+        return holes.explain(mesh, holes.holes(mesh), self.sought, self.cut, self.lost)
 
 
 def reconstruct(
@@ -98,5 +100,5 @@ def build(
     return Reconstruction(
         tuple(made.grids), made.mesh, (*gridded.findings, *made.findings), tuple(edits),
         opened=made.opened, sought=tuple(gridded.sought), caps=s.caps if finish else None,
-        along=s.along, tears=s.tears, cut=made.cut,
+        along=s.along, tears=s.tears, cut=made.cut, lost=made.lost,
     )  # fmt: skip

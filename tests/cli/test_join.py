@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import turnscan as ts
 from tests.poses.scenes import STANDS, grid, write_scan
 from tests.texture.painted import paint
 from turnscan.cli import turnscan
@@ -88,6 +90,18 @@ def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
     ratio = part.colour[seen, 0] / shade("knob", part.vertices[seen])
     assert np.median(ratio) == pytest.approx(np.sqrt(1.25), abs=0.06), "between both exposures"
     assert np.quantile(np.abs(ratio / np.median(ratio) - 1), 0.9) < 0.05
+
+
+def test_a_largest_sigma_that_a_pose_keeps_holds_for_the_joined_surface(folder, tmp_path):
+    files = [Path(shutil.copy(folder / f"{name}.turnscan", tmp_path)) for name in NAMES]
+    usual = ts.join(files, points=folder / "picks.csv")
+    limit = float(np.quantile(usual.mesh.provenance.sigma, 0.8))
+    with Scan.resume(files[1]) as down:
+        keep_options(down, ReconstructOptions(largest_sigma=limit))
+    kept = ts.join(files, points=folder / "picks.csv")
+    assert kept.mesh.provenance.sigma.max() <= limit
+    assert 0.5 < len(kept.mesh.vertices) / len(usual.mesh.vertices) < 0.85
+    assert kept.points["sigma"].max() <= limit < usual.points["sigma"].max()
 
 
 BAD = {

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import turnscan as ts
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape
 from tests.points.range_scans import cyberware
 from turnscan.cli import turnscan
@@ -108,6 +109,11 @@ def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_pa
     assert told["parameters"]["largest_sigma"] == limit
     assert sure.provenance.sigma.max() <= limit
     assert 0 < len(sure.vertices) < 0.91 * len(plain.vertices)
+    done = ts.reconstruct(scan_path, largest_sigma=limit)
+    assert done.points["sigma"].max() <= limit, "neither are they among its points"
+    assert "removed" in {h.cause for h in done.holes}
+    every = ts.reconstruct(scan_path, largest_sigma=None).points["sigma"]
+    assert 0 < (every > limit).sum() == len(every) - len(done.points)
     few, _, result = made("--close", "--decimate", "0.02mm")
     whole, _, _ = made("--close")
     assert few.volume == pytest.approx(whole.volume, rel=1e-3)

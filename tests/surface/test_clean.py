@@ -9,10 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from turnscan.meshing import to_mesh
 from turnscan.points import RangeGrid
+from turnscan.settings import Settings
+from turnscan.shapes import deviation
 from turnscan.stripes import StripeFlag
 from turnscan.surface import mesh_grid
-from turnscan.surface.clean import Clean, clean, drop_uncertain
+from turnscan.surface.clean import Clean, clean, drop_uncertain, part_uncertain, uncertain_findings
 
 
 def wall(steps: int = 40, lines: int = 50, noise: float = 0.01, seed: int = 0) -> RangeGrid:
@@ -83,29 +86,28 @@ def doubted(grid: RangeGrid, where: object, sigma: float) -> RangeGrid:
 def test_points_above_the_uncertainty_that_is_wanted_go_and_no_others():
     grid = doubted(wall(120), (slice(10, 40), slice(20, 30)), 0.3)
     unknown = doubted(grid, (slice(60, 70), slice(20, 30)), np.nan)
-    kept, none = clean(unknown)
-    assert kept.found.all()
-    assert none == [], "300 of 5900 are not many"
-    kept, (said,) = clean(unknown, Clean(sigma=0.299))
+    assert uncertain_findings(unknown) == [], "300 of 5900 are not many"
+    kept, (said,) = drop_uncertain(unknown, 0.299)
     assert (~kept.found).sum() == 300
     assert (kept.flags[10:40, 20:30] == StripeFlag.EDGE).all()
     assert said.message.startswith("300 points of a standard uncertainty above 0.299 mm")
-    kept, none = clean(unknown, Clean(sigma=0.3))
-    assert kept.found.all()
-    assert none == [], "as much as is wanted, and no more"
+    for limit in (0.3, None):
+        kept, none = drop_uncertain(unknown, limit)
+        assert kept.found.all()
+        assert none == [], "as much as is wanted, and no more"
 
 
 @pytest.mark.parametrize(("rows", "named"), [(4, False), (7, True)])
 def test_many_points_of_a_large_sigma_are_named(rows, named):
     """From a tenth of the points on, with a limit that leaves the usual ones."""
     grid = doubted(wall(60), (slice(None), slice(0, rows)), 0.3)
-    _, findings = clean(grid)
+    findings = uncertain_findings(grid)
     assert [f.code for f in findings] == ["surface.uncertain"] * named
     for said in findings:
         assert said.message.startswith("14% of the points")
         (option,) = said.remedy.options
         assert (option.name, option.value) == ("largest_sigma", 0.05)
-        assert clean(grid, Clean(sigma=option.value))[0].found.sum() == 60 * (50 - rows)
+        assert drop_uncertain(grid, option.value)[0].found.sum() == 60 * (50 - rows)
 
 
 def test_faces_at_vertices_above_the_uncertainty_that_is_wanted_go():
@@ -116,15 +118,44 @@ def test_faces_at_vertices_above_the_uncertainty_that_is_wanted_go():
     sigma[::7] = 0.3
     sigma[3::7] = np.nan
     doubtful = replace(mesh, provenance=replace(p, sigma=sigma))
-    left, (said,) = drop_uncertain(doubtful, 0.2)
+    left, lost, (said,) = part_uncertain(doubtful, 0.2)
     wanted = ~(sigma > 0.2)[mesh.faces].any(axis=1)
     assert len(left.faces) == wanted.sum() > 0
+    assert len(lost.faces) == (~wanted).sum() > 0
     assert not (left.provenance.sigma > 0.2).any()
     assert np.isnan(left.provenance.sigma).any(), "what states no sigma stays"
     assert f"{(sigma > 0.2).sum()} merged vertices" in said.message
-    for same in (drop_uncertain(doubtful, 0.3), drop_uncertain(replace(mesh, provenance=None), 0)):
-        assert len(same[0].faces) == len(mesh.faces)
-        assert same[1] == []
+    silent = replace(mesh, provenance=None)
+    for one, limit in ((doubtful, None), (doubtful, 0.3), (silent, 0.0)):
+        same, lost, said = part_uncertain(one, limit)
+        assert len(same.faces) == len(mesh.faces)
+        assert not len(lost.faces)
+        assert said == []
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    limit=st.floats(0.05, 0.5),
+    how=st.sampled_from(["grid", "tsdf", "paste"]),
+)
+def test_all_points_make_the_surface_before_uncertain_ones_are_left_out(seed, limit, how):
+    """Faces that stay are those of the whole surface: none goes straight past what went."""
+    rng = np.random.default_rng(seed)
+    grids = [doubted(wall(noise=0.05, seed=seed % 2**31 + k), ..., 0.05) for k in range(2)]
+    for k, one in enumerate(grids):
+        bent = rng.random(one.found.shape) < 0.2
+        grids[k] = doubted(moved(replace(one, laser=f"L{k}"), bent, 1.0), bent, 0.6)
+    wanted = Settings(merge=how, voxel=3.0, island=0)
+    whole = to_mesh(grids, wanted)
+    left = to_mesh(grids, replace(wanted, largest_sigma=limit))
+    assert all(not (g.sigma[g.found] > limit).any() for g in left.grids)
+    assert all(len(g.sigma) == len(b.sigma) for g, b in zip(left.grids, grids, strict=True))
+    if not len(left.mesh.faces):
+        return
+    assert left.mesh.provenance.sigma.max() <= limit
+    middles = left.mesh.vertices[left.mesh.faces].mean(axis=1)
+    assert np.abs(deviation(middles, whole.mesh).distance).max() < 1e-3
 
 
 def test_mixed_pixels_go_where_the_light_ends_one_sidedly():

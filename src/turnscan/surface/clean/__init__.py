@@ -6,7 +6,7 @@ from turnscan.surface.clean._despike import despike
 from turnscan.surface.clean._islands import drop_islands, long_islands
 from turnscan.surface.clean._settle import settled
 from turnscan.surface.clean._smooth import smooth, spikes
-from turnscan.surface.clean._uncertain import drop_uncertain, uncertain_findings
+from turnscan.surface.clean._uncertain import drop_uncertain, part_uncertain, uncertain_findings
 
 __all__ = [
     "Clean",
@@ -16,6 +16,7 @@ __all__ = [
     "drop_islands",
     "drop_uncertain",
     "long_islands",
+    "part_uncertain",
     "settled",
     "smooth",
     "spikes",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import overload
-
 import numpy as np
 
 from turnscan.arrays import Bools
@@ -20,38 +18,35 @@ _MANY = 0.1
 """… and the share of such points from which they are worth a word."""
 
 
-@overload
-def drop_uncertain(what: RangeGrid, limit: float | None) -> tuple[RangeGrid, list[Finding]]: ...
+def drop_uncertain(grid: RangeGrid, limit: float | None) -> tuple[RangeGrid, list[Finding]]:
+    """The grid without points of more than ``limit`` mm sigma, and a finding if there were any.
 
-
-@overload
-def drop_uncertain(what: Mesh, limit: float | None) -> tuple[Mesh, list[Finding]]: ...
-
-
-def drop_uncertain(
-    what: RangeGrid | Mesh, limit: float | None
-) -> tuple[RangeGrid | Mesh, list[Finding]]:
-    """The grid or the mesh without what is known worse than ``limit`` mm, and a finding if any was.
-
-    In a grid points of a larger sigma go, flagged EDGE: their stripes lie on two surfaces, mostly.
-    In a mesh the faces at vertices of a larger sigma go. What states no sigma stays: a range scan's
-    points, a mesh without provenance; and everything where ``limit`` is None. A mesh is made of all
-    points before any goes: one that is known badly still shows that the surface bends there.
+    They are flagged EDGE: their stripes lie on two surfaces, mostly. What states no sigma stays, as
+    a range scan's points do; and everything where ``limit`` is None.
     """
     if limit is None:
-        return what, []
-    if isinstance(what, RangeGrid):
-        with np.errstate(invalid="ignore"):
-            drop = np.asarray(what.found & (what.sigma > limit))
-        left = without(what, drop, StripeFlag.EDGE)
-        return left, _findings(drop, limit, "points", f"laser {what.laser}")
-    if what.provenance is None:
-        return what, []
-    drop = np.asarray(what.provenance.sigma > limit)
-    if not drop.any():
-        return what, []
-    keep = np.asarray(~drop[what.faces].any(axis=1))
-    return submesh(what, keep), _findings(drop, limit, "merged vertices", "")
+        return grid, []
+    with np.errstate(invalid="ignore"):
+        drop = np.asarray(grid.found & (grid.sigma > limit))
+    left = without(grid, drop, StripeFlag.EDGE)
+    return left, _findings(drop, limit, "points", f"laser {grid.laser}")
+
+
+def part_uncertain(mesh: Mesh, limit: float | None) -> tuple[Mesh, Mesh, list[Finding]]:
+    """The mesh without the faces at vertices of more than ``limit`` mm sigma, those faces, and a
+    finding if there were any. What states no sigma stays; and everything where ``limit`` is None.
+
+    The mesh is to be made of all points: one that is known badly still shows that the surface bends
+    there, and a merge without it would go straight past.
+    """
+    nothing = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    p = mesh.provenance
+    drop = nothing if p is None or limit is None else np.asarray(p.sigma > limit)
+    if limit is None or not drop.any():
+        return mesh, Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), []
+    keep = np.asarray(~drop[mesh.faces].any(axis=1))
+    said = _findings(drop, limit, "merged vertices", "")
+    return submesh(mesh, keep), submesh(mesh, ~keep), said
 
 
 def uncertain_findings(grid: RangeGrid) -> list[Finding]:

@@ -17,6 +17,7 @@ from turnscan.stripes import StripeFlag
 from turnscan.surface.holes._edges import faces_beyond
 from turnscan.surface.holes._hole_places import Places, places_in
 from turnscan.surface.holes._holes import Cause, Hole
+from turnscan.surface.holes._left_out import LeftOut, deleted, left_out
 from turnscan.surface.holes._through_holes import through, walls
 from turnscan.surface.holes._visibility import GRAZING, Crossings, ScanCoverage, crossings, line_of
 
@@ -58,8 +59,6 @@ _ALSO = 1 / 3
 """Part of all votes that a second cause must have by itself."""
 _HIDDEN = (LASER, CAMERA, FLAT)
 """What a face in the shadow is named for."""
-_SAME = 1e-3
-"""mm within which a vertex is one that was cut: what makes vertices fit for files moves less."""
 _REMOVED = 4000
 """Removed points that may stand before a place, at most."""
 
@@ -121,12 +120,17 @@ class _Scene:
 
 
 def explain(
-    mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage], cut: Floats | None = None
+    mesh: Mesh,
+    found: Sequence[Hole],
+    views: Sequence[ScanCoverage],
+    cut: Floats | None = None,
+    lost: LeftOut | None = None,
 ) -> list[Hole]:
     """The holes of an open mesh with their cause; without views, those that were made by hand.
 
     A hole was deleted by hand where most of its border runs between places ``cut`` (k, 3) mm, the
-    vertices that lost faces so. The others are asked for what hid them.
+    vertices that lost faces so. It was removed where most of it was ``lost`` for its uncertainty
+    (`left_out`). The others are asked for what hid them.
 
     Places on the surface that is missing (`places_in`) are followed through the scan: at each table
     angle that carries a place through a laser's sheet, was it in the picture and in the volume, did
@@ -136,31 +140,18 @@ def explain(
     the border (`_beyond`). The most votes decide. What neither reached counts for hidden from
     either. For the two ends of a bore (`through`) its wall is asked instead.
     """
-    by_hand = _deleted(mesh, found, cut)
-    rest = iter(_explained(mesh, [h for h, d in zip(found, by_hand, strict=True) if not d], views))
+    by_hand = deleted(mesh, found, cut)
+    others = [h for h, d in zip(found, by_hand, strict=True) if not d]
+    rest = iter(_explained(mesh, others, views, lost))
     return [
         replace(h, cause="deleted", also=None) if d else next(rest)
         for h, d in zip(found, by_hand, strict=True)
     ]
 
 
-def _deleted(mesh: Mesh, found: Sequence[Hole], cut: Floats | None) -> list[bool]:
-    """For each hole whether most of its border is between places (k, 3)."""
-    if cut is None or not len(cut):
-        return [False] * len(found)
-    from scipy.spatial import cKDTree
-
-    tree, out = cKDTree(cut), list[bool]()
-    for hole in found:
-        border = mesh.vertices[hole.loop]
-        there = tree.query(border, distance_upper_bound=_SAME)[0] < _SAME
-        long = np.linalg.norm(np.roll(border, -1, axis=0) - border, axis=1)
-        both = there & np.roll(there, -1)
-        out.append(bool(2 * long[both].sum() > long.sum()))
-    return out
-
-
-def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage]) -> list[Hole]:
+def _explained(
+    mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage], lost: LeftOut | None
+) -> list[Hole]:
     if not found or not views:
         return list(found)
     scene = _Scene.of(mesh, views)
@@ -187,6 +178,7 @@ def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage])
         _whole(found, places, unsaid | (best == DARK)) & (best != DELETED), REMOVED, best
     )
     best = _as_about(mesh, found, places, views, best)
+    best[left_out(mesh, found, lost, places.island)] = REMOVED
     also[best != said] = -1
     return [
         replace(h, cause=_CAUSES[k], also=None if m < 0 else _CAUSES[m])

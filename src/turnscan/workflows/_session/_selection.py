@@ -85,7 +85,7 @@ def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
         case "cause":
             if value not in CAUSE_WORDS:
                 raise _odd(rule, "one of " + ", ".join(CAUSE_WORDS))
-            borders = holes.explain(mesh, holes.holes(mesh), done.sought, done.cut)
+            borders = holes.explain(mesh, holes.holes(mesh), done.sought, done.cut, done.lost)
             return edit.by_cause(mesh, borders, {c for c in CAUSE_WORDS if c == value})
         case "pieces":
             return edit.by_size(mesh, int(_numbers(rule, [value], 1)[0]))

@@ -208,6 +208,7 @@ class ScanSession:
             along=s.along,
             tears=s.tears,
             cut=state.document.cut(),
+            lost=state.lost,
         )
         told = about(self.path, self._rig, s, done.edits)
         return ReconstructResult(done, told, self._rig, options=state.options)
@@ -675,9 +676,9 @@ class ScanSession:
         self._current = s.stripes, s.volume
         views = {d.view.laser: d.view for d in self._seen[self._current]}
         return SessionState(
-            document, done.grids, done.sought, revision, epoch, edit.figures(document.body),
-            options, s, views, measures_of(document, self._known_of(document)),
-            self._sets(document),
+            document, done.grids, done.sought, done.lost, revision, epoch,
+            edit.figures(document.body), options, s, views,
+            measures_of(document, self._known_of(document)), self._sets(document),
         )  # fmt: skip
 
     def _sets(self, document: edit.Document) -> dict[str, ReconstructOptions]:
@@ -709,7 +710,7 @@ class ScanSession:
         with self._looking:
             if self._found is None or self._found[0] != state.revision:
                 mesh = edit.Compact.of(state.document.body).mesh
-                found = explain(mesh, holes(mesh), state.sought, state.document.cut())
+                found = explain(mesh, holes(mesh), state.sought, state.document.cut(), state.lost)
                 found = sorted(found, key=lambda h: -h.size)
                 self._found = state.revision, mesh, found
             return self._found[1:]

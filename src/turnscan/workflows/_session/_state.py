@@ -14,7 +14,7 @@ from turnscan.findings import Finding
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress
 from turnscan.settings import Settings
-from turnscan.surface.holes import ScanCoverage
+from turnscan.surface.holes import LeftOut, ScanCoverage
 from turnscan.workflows._options._reconstruct import ReconstructOptions
 from turnscan.workflows._session._grid import changed_steps, steps_taken_away
 from turnscan.workflows._session._measures import KeptMeasure
@@ -53,6 +53,8 @@ class SessionState:
     grids: tuple[RangeGrid, ...]
     sought: tuple[ScanCoverage, ...]
     """What the scan could have seen, for the causes of holes."""
+    lost: LeftOut | None
+    """Faces that were left out as too uncertain, for these causes, too."""
     revision: int
     epoch: int
     """Counts the surfaces whose faces have other numbers, from a random number on."""
