@@ -1,7 +1,7 @@
 """Volumes of simulated parts beside the truth, and what their uncertainties are worth.
 
-``python -m bench volumes`` scans ten parts alone, each as it stands on the table, lying, leaning
-and upside down, and closes what was not seen, as ``turnscan reconstruct --close`` does; and four
+``python -m bench volumes`` scans ten parts alone, each as it stands on the table, lying, leaning,
+upside down and on an edge, and closes what was not seen, as ``turnscan reconstruct --close`` does; and four
 parts in two or three poses each, joined and closed, on the modern rig. ``--quick`` takes the parts
 as they stand alone, and the paper rig for the joined ones. ``python -m bench.volumes --keep
 FOLDER`` keeps the simulated scans there and finds them again, ``--only alone`` or ``--only
@@ -99,6 +99,7 @@ STANDS: Mapping[str, Mapping[str, object]] = {
     "lying": {**_stand(tip=90, lean=(0, 15), shift=(-6, 5)), "seed": 2},
     "leaning": {**_stand(lean=(25, -10), shift=(-3, 8)), "seed": 3},
     "upside down": {**_stand(tip=180, lean=(-20, 30), shift=(5, 6)), "seed": 4},
+    "on edge": {**_stand(tip=55, lean=(10, -20), shift=(7, -2)), "seed": 5},
 }
 STEPS = 48
 """A turn in coarse steps, as newcomers begin, on the paper's rig."""
