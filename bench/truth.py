@@ -195,8 +195,9 @@ def main() -> None:
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--lasers", type=int, nargs="+", default=LASERS, help="so many lines")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
-    limits = parser.add_argument("--largest-sigma", type=float, nargs="+", default=[])
-    limits.help = "mm: again without what states more"
+    parser.add_argument(
+        "--largest-sigma", type=float, nargs="+", default=[], help="mm: again without what has more"
+    )
     given = parser.parse_args()
     if given.write and given.largest_sigma:
         parser.error("--write puts rows of everything that is measured into the page")

@@ -1,10 +1,10 @@
 """Volumes of simulated parts beside the truth, and what their uncertainties are worth.
 
 ``python -m bench volumes`` scans ten parts alone, each as it stands on the table, lying, leaning,
-upside down and on an edge, and closes what was not seen, as ``turnscan reconstruct --close`` does; and four
-parts in two or three poses each, joined and closed, on the modern rig. ``--quick`` takes the parts
-as they stand alone, and the paper rig for the joined ones. ``python -m bench.volumes --keep
-FOLDER`` keeps the simulated scans there and finds them again, ``--only alone`` or ``--only
+upside down and on an edge, and closes what was not seen, as ``turnscan reconstruct --close`` does;
+and four parts in two or three poses each, joined and closed, on the modern rig. ``--quick`` takes
+the parts as they stand alone, and the paper rig for the joined ones. ``python -m bench.volumes
+--keep FOLDER`` keeps the simulated scans there and finds them again, ``--only alone`` or ``--only
 joined`` prints one table, ``--parts sphere,torus`` some parts alone, ``--write`` puts the rows of
 single scans into docs/explain/accuracy.md, each with its commit; those of what was not measured
 again stay.

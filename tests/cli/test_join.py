@@ -100,6 +100,9 @@ def test_a_largest_sigma_that_a_pose_keeps_holds_for_the_joined_surface(folder, 
         keep_options(down, ReconstructOptions(largest_sigma=limit))
     kept = ts.join(files, points=folder / "picks.csv")
     assert kept.mesh.provenance.sigma.max() <= limit
+    assert kept.options.largest_sigma == limit
+    assert {h.cause for h in kept.holes} == {None, "removed"}
+    assert {h.cause for h in usual.holes} == {None}
     assert 0.5 < len(kept.mesh.vertices) / len(usual.mesh.vertices) < 0.85
     assert kept.points["sigma"].max() <= limit < usual.points["sigma"].max()
 

@@ -106,6 +106,18 @@ def test_faint_light_in_front_of_the_profiles_beside_is_no_stripe(light, before,
     assert not wholeness(rolled).glow.any(), "nothing is known beyond it"
 
 
+@pytest.mark.parametrize(("missing", "gone"), [(0, True), (2, False)])
+def test_in_a_whole_turn_the_first_profile_is_beside_the_last(missing, gone):
+    """Unless frames are missing between them."""
+    seen = notched(1.0, 0.03, deep=-3.0)
+    arrays = {k: getattr(seen, k) for k in ("points", "eyes", "width", "amplitude")}
+    moved = {k: np.roll(v, 6, axis=0) for k, v in arrays.items()}  # the dark one is the last
+    angles = 2 * np.pi / (S + missing) * np.arange(S)
+    told = wholeness(replace(seen, **moved, angles=angles, closed=True))
+    assert told.glow[-1].all() == told.glow[-1].any() == gone
+    assert not told.glow[:-1].any()
+
+
 @pytest.mark.parametrize("side", [6, 8])
 def test_both_profiles_beside_are_asked_whether_faint_light_stands_in_front(side):
     """Not where the wall ends, one profile is as dark, or a frame is missing on one side."""

@@ -197,6 +197,21 @@ def test_a_side_that_nobody_saw_is_doubted_whole() -> None:
     )
 
 
+@pytest.mark.parametrize(("seen", "least"), [(0.45, 0.7), (0.55, 0.0)])
+def test_what_fillings_hold_is_not_known_where_most_was_not_seen(seen, least) -> None:
+    """Of a ball's surface the lowest part was measured, and the rest is filled as it truly is: in
+    all, half of what lies above the border, and so nobody could tell that it is there."""
+    whole = ball()
+    low = whole.triangles[..., 2].mean(axis=1) < 20.0 * (2 * seen - 1)
+    said = shapes.volume_sigma(replace(whole, measured=low))
+    h = 40.0 * (1 - seen)
+    assert said.added == pytest.approx(np.pi * h**2 * (60 - h) / 3, rel=0.05)
+    assert least <= said.filled / said.added < least + 0.3
+    half = whole.triangles[..., 0].mean(axis=1) < 0
+    of_half = shapes.volume_sigma(replace(whole, measured=low), faces=half).filled
+    assert of_half == pytest.approx(said.filled / 2, rel=0.02)
+
+
 def test_what_lies_between_profiles_that_are_far_apart_is_in_it() -> None:
     """Faces of a scan in coarse steps are ten times as wide as high, and their width counts."""
     t = np.arange(90) * 2 * np.pi / 90

@@ -36,6 +36,9 @@ _FLAT, _SMOOTH = 0.6, 0.15
 balls, cones, cups and the outside of tori 30 to 80 % and up to 20 %."""
 _STEEPEST = float(np.radians(60.0))
 """A cap that slopes more at its border is not known to be one."""
+_MOSTLY = 0.5
+"""Of a surface, the part that was not measured from which on nobody knows what its fillings hold.
+"""
 _GOES_ON = (0.35, 0.6)
 """A filling goes on in the tangent planes where it leaves its border at less than this part of the
 angle at which a flat one does; from the second figure on it is a flat one."""
@@ -62,6 +65,10 @@ def added_part(mesh: Mesh, faces: Bools | None = None) -> Added:
     chosen, but the edge lies anywhere up to two samples beyond the border, for one is the sampling
     and the clean-up takes one. So a lid is doubted by one sample's distance times its area. Patches
     add up with their signs unknown.
+
+    Where more than half of the surface was not measured, its fillings may as well hold nothing, as
+    those over the hole of a ring that no light reached do: they are doubted by at least what makes
+    all and nothing equally likely, 1/√2 of it.
     """
     real = mesh.measured
     if real is None or real.all():
@@ -86,6 +93,11 @@ def added_part(mesh: Mesh, faces: Bools | None = None) -> Added:
             sigma += part * lid * _sample(mesh, real, border)
         else:
             sigma += part * lean.share * float(doubt[mine].sum())
+    filled = float(size[~real].sum())
+    if filled > _MOSTLY * float(size.sum()):
+        chosen = ~real if faces is None else ~real & faces
+        part = float(size[chosen].sum()) / filled
+        sigma = max(sigma, part * abs(volume) / float(np.sqrt(2)))
     return Added(volume, sigma)
 
 

@@ -39,11 +39,10 @@ def part_uncertain(mesh: Mesh, limit: float | None) -> tuple[Mesh, Mesh, list[Fi
     The mesh is to be made of all points: one that is known badly still shows that the surface bends
     there, and a merge without it would go straight past.
     """
-    nothing = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    p = mesh.provenance
-    drop = nothing if p is None or limit is None else np.asarray(p.sigma > limit)
-    if limit is None or not drop.any():
-        return mesh, Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), []
+    p, nothing = mesh.provenance, Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+    if p is None or limit is None or not (p.sigma > limit).any():
+        return mesh, nothing, []
+    drop = np.asarray(p.sigma > limit)
     keep = np.asarray(~drop[mesh.faces].any(axis=1))
     said = _findings(drop, limit, "merged vertices", "")
     return submesh(mesh, keep), submesh(mesh, ~keep), said

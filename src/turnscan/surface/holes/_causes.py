@@ -10,6 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._parts import join
 from turnscan.mesh._rays import Caster
 from turnscan.points import RangeGrid, Volume
 from turnscan.rig import rotation_z
@@ -126,11 +127,11 @@ def explain(
     cut: Floats | None = None,
     lost: LeftOut | None = None,
 ) -> list[Hole]:
-    """The holes of an open mesh with their cause; without views, those that were made by hand.
+    """The holes of an open mesh with their cause; without views, those that somebody asked for.
 
     A hole was deleted by hand where most of its border runs between places ``cut`` (k, 3) mm, the
     vertices that lost faces so. It was removed where most of it was ``lost`` for its uncertainty
-    (`left_out`). The others are asked for what hid them.
+    (`left_out`). The others are asked for what hid them, in the shadow of what was lost, too.
 
     Places on the surface that is missing (`places_in`) are followed through the scan: at each table
     angle that carries a place through a laser's sheet, was it in the picture and in the volume, did
@@ -141,11 +142,13 @@ def explain(
     either. For the two ends of a bore (`through`) its wall is asked instead.
     """
     by_hand = deleted(mesh, found, cut)
-    others = [h for h, d in zip(found, by_hand, strict=True) if not d]
-    rest = iter(_explained(mesh, others, views, lost))
+    asked = by_hand | left_out(mesh, found, lost)
+    rest = iter(
+        _explained(mesh, [h for h, a in zip(found, asked, strict=True) if not a], views, lost)
+    )
     return [
-        replace(h, cause="deleted", also=None) if d else next(rest)
-        for h, d in zip(found, by_hand, strict=True)
+        replace(h, cause="deleted" if d else "removed", also=None) if a else next(rest)
+        for h, d, a in zip(found, by_hand, asked, strict=True)
     ]
 
 
@@ -154,7 +157,7 @@ def _explained(
 ) -> list[Hole]:
     if not found or not views:
         return list(found)
-    scene = _Scene.of(mesh, views)
+    scene = _Scene.of(mesh if lost is None else join([mesh, lost.faces]), views)
     places = places_in(mesh, found)
     count = _counted(places, len(found), views, scene)
     beyond, known, sure = _beyond(mesh, found, places, views, scene)
@@ -178,7 +181,6 @@ def _explained(
         _whole(found, places, unsaid | (best == DARK)) & (best != DELETED), REMOVED, best
     )
     best = _as_about(mesh, found, places, views, best)
-    best[left_out(mesh, found, lost, places.island)] = REMOVED
     also[best != said] = -1
     return [
         replace(h, cause=_CAUSES[k], also=None if m < 0 else _CAUSES[m])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh, vector_areas
 from turnscan.mesh._parts import components
 from turnscan.surface.holes._holes import Hole, holes
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _SAME = 1e-3
 """mm within which two vertices are one: what makes vertices fit for files moves them less."""
@@ -21,56 +25,84 @@ class LeftOut:
     """What was left out of a surface as too uncertain, and what was missing before."""
 
     faces: Mesh
-    missing: tuple[tuple[Floats, float], ...]
-    """Borders (m, 3) mm of the whole surface's holes, and what they enclose, mm²."""
+    borders: tuple[Floats, ...]
+    """(m, 3) mm each: those of the holes that the whole surface had …"""
+    missing: Floats
+    """… and the mm² that each of them encloses."""
 
     @staticmethod
     def of(whole: Mesh, faces: Mesh) -> LeftOut:
         """Of a whole surface, these faces."""
-        missing = tuple((whole.vertices[hole.loop], hole.area) for hole in holes(whole))
-        return LeftOut(faces, missing)
+        found = holes(whole)
+        borders = tuple(whole.vertices[hole.loop] for hole in found)
+        return LeftOut(faces, borders, np.array([hole.area for hole in found]))
 
 
-def deleted(mesh: Mesh, found: Sequence[Hole], cut: Floats | None) -> list[bool]:
-    """For each hole whether most of its border is between places (k, 3) mm."""
-    if cut is None or not len(cut):
-        return [False] * len(found)
-    return [along > 0.5 for along, _ in _alongs(mesh, found, cut)]
+def deleted(mesh: Mesh, found: Sequence[Hole], cut: Floats | None) -> Bools:
+    """(h,) True for holes most of whose border is between places (k, 3) mm."""
+    out = np.zeros(len(found), dtype=np.bool_)
+    if cut is not None and len(cut):
+        tree = _tree(cut)
+        out[:] = [_along(mesh.vertices[hole.loop], tree)[0] > 0.5 for hole in found]
+    return out
 
 
-def left_out(mesh: Mesh, found: Sequence[Hole], lost: LeftOut | None, islands: Bools) -> Bools:
-    """(h,) True for holes that most of their borders and of their areas owe to what was left out.
+def left_out(mesh: Mesh, found: Sequence[Hole], lost: LeftOut | None) -> Bools:
+    """(h,) True for holes most of whose border is of faces that were left out, of at least the area
+    that the whole surface lacked there.
 
-    A shadow whose rim went stays a shadow where it is the larger part. The border of one of the
-    ``islands`` (h,) encloses what is there, so that areas say nothing of it.
+    A shadow whose rim went stays a shadow where it is the larger part; and so does what is about an
+    island, where the island is more than what it lost.
     """
     if lost is None or not len(lost.faces.faces) or not found:
         return np.zeros(len(found), dtype=np.bool_)
-    alongs = _alongs(mesh, found, lost.faces.vertices)
+    tree = _tree(lost.faces.vertices)
+    alongs = [_along(mesh.vertices[hole.loop], tree) for hole in found]
     piece, area = _pieces(lost.faces)
-    meets = np.array([np.bincount(piece[near], minlength=len(area)) for _, near in alongs])
-    share = meets / np.maximum(meets.sum(axis=0), 1)
-    most = share @ area >= _missing_before(mesh, found, lost, piece, share)
-    return np.asarray([along > 0.5 for along, _ in alongs] & (most | islands))
+    meets = _counts([piece[near] for _, near in alongs], len(area))
+    share = meets.multiply(1.0 / np.maximum(np.asarray(meets.sum(axis=0)), 1.0)).tocsr()
+    before = _missing_before(mesh, found, lost, tree, piece, share)
+    return np.asarray((np.array([k for k, _ in alongs]) > 0.5) & (share @ area >= before))
 
 
 def _missing_before(
-    mesh: Mesh, found: Sequence[Hole], lost: LeftOut, piece: Ints, share: Floats
+    mesh: Mesh,
+    found: Sequence[Hole],
+    lost: LeftOut,
+    tree: cKDTree[None],
+    piece: Ints,
+    share: Any,
 ) -> Floats:
     """(h,) mm² that the holes of the whole surface enclose which each hole took in: at its own
-    border, or at that of pieces (v,) that were left out, of which it has a ``share`` (h, p)."""
+    border, or at that of what was left out, in a ``tree``, in pieces (v,) of which it has a
+    ``share`` (h, p)."""
+    out = np.zeros(len(found))
+    if not lost.borders:
+        return out
+    owner = np.repeat(np.arange(len(found), dtype=np.int32), [len(h.loop) for h in found])
+    border = _tree(mesh.vertices[np.concatenate([h.loop for h in found])])
+    own = [owner[_along(places, border)[1]] for places in lost.borders]
+    gone = [piece[_along(places, tree)[1]] for places in lost.borders]
+    votes = (_counts(own, len(found)) + _counts(gone, share.shape[1]) @ share.T).tocsr()
+    taker = np.asarray(votes.argmax(axis=1)).ravel()
+    taken = np.asarray(votes.sum(axis=1)).ravel() > 0
+    np.add.at(out, taker[taken], lost.missing[taken])
+    return out
+
+
+def _tree(places: Floats) -> cKDTree[None]:
     from scipy.spatial import cKDTree
 
-    border = np.concatenate([h.loop for h in found])
-    owner = np.repeat(np.arange(len(found)), [len(h.loop) for h in found])
-    kept, gone = cKDTree(mesh.vertices[border]), cKDTree(lost.faces.vertices)
-    out = np.zeros(len(found))
-    for places, area in lost.missing:
-        at = [tree.query(places, distance_upper_bound=_SAME) for tree in (kept, gone)]
-        mine, theirs = (np.asarray(near)[off < _SAME] for off, near in at)
-        votes = np.bincount(owner[mine], minlength=len(found)) + share[:, piece[theirs]].sum(axis=1)
-        out[votes.argmax()] += area * votes.any()
-    return out
+    return cKDTree(places)
+
+
+def _counts(lists: Sequence[Ints], many: int) -> Any:
+    """(n, many) sparse: how often each list has each number. A hole meets few of many pieces."""
+    from scipy.sparse import csr_matrix
+
+    row = np.repeat(np.arange(len(lists)), [len(k) for k in lists])
+    column = np.concatenate([*lists, np.zeros(0, dtype=np.int32)])
+    return csr_matrix((np.ones(len(row)), (row, column)), shape=(len(lists), many))
 
 
 def _pieces(faces: Mesh) -> tuple[Ints, Floats]:
@@ -82,16 +114,10 @@ def _pieces(faces: Mesh) -> tuple[Ints, Floats]:
     return piece, np.bincount(label, each).astype(np.float64)
 
 
-def _alongs(mesh: Mesh, found: Sequence[Hole], places: Floats) -> list[tuple[float, Ints]]:
-    """For each hole the part of its border that is between places (k, 3) mm, and those on it."""
-    from scipy.spatial import cKDTree
-
-    tree, out = cKDTree(places), list[tuple[float, Ints]]()
-    for hole in found:
-        border = mesh.vertices[hole.loop]
-        off, near = tree.query(border, distance_upper_bound=_SAME)
-        there = np.asarray(off < _SAME)
-        long = np.linalg.norm(np.roll(border, -1, axis=0) - border, axis=1)
-        along = float(long[there & np.roll(there, -1)].sum() / max(float(long.sum()), 1e-12))
-        out.append((along, np.asarray(near)[there].astype(np.int32)))
-    return out
+def _along(border: Floats, places: cKDTree[None]) -> tuple[float, Ints]:
+    """The part of a border (m, 3) that runs between two places, and the places it meets."""
+    off, near = places.query(border, distance_upper_bound=_SAME)
+    there = np.asarray(off < _SAME)
+    long = np.linalg.norm(np.roll(border, -1, axis=0) - border, axis=1)
+    along = float(long[there & np.roll(there, -1)].sum() / max(float(long.sum()), 1e-12))
+    return along, np.asarray(near)[there].astype(np.int32)

@@ -25,6 +25,7 @@ from turnscan.remedy import Option
 from turnscan.rig import Pose, Rig, rig_hash, rig_to_json
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
+from turnscan.surface.clean import drop_uncertain
 from turnscan.surface.fusion import RangeSurface, range_surfaces
 from turnscan.workflows._calibration._refine_body import Body, body_of
 from turnscan.workflows._files._kept_options import kept_options
@@ -266,7 +267,8 @@ def _seen(path: Path, rig: Rig | None, before: Sequence[_Seen], progress: Progre
         # Its angles are wanted as they were told: the motion that is known comes on top again.
         still = replace(begin, motion=None)
         found = detect_scan(opened, still, settings.stripes, settings.volume, tick)
-    grids = to_grids(found, settings).grids
+    whole = to_grids(found, settings).grids
+    grids = [drop_uncertain(grid, settings.largest_sigma)[0] for grid in whole]
     surfaces = [one for g in grids for one in range_surfaces(g, settings.tears)]
     return _Seen(begin, evidence, _sweeps(found, grids, settings), path.name, surfaces)
 

@@ -28,7 +28,9 @@ from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import View
 from turnscan.stripes import StripeFlag
-from turnscan.surface.fusion import range_surfaces
+from turnscan.surface import TearLimits
+from turnscan.surface.clean import drop_uncertain
+from turnscan.surface.fusion import RangeSurface, range_surfaces
 from turnscan.workflows._files._history import history_of
 from turnscan.workflows._files._kept_options import kept_options
 from turnscan.workflows._importing._range_scans import placed_scans, read_range_scan
@@ -67,6 +69,12 @@ class _Source:
     path: Path | None = None
     """Of a scan file, which may hold texture pictures."""
 
+    def surfaces(self, tears: TearLimits) -> list[RangeSurface]:
+        """Those by which it is placed: without the points that its own settings leave out."""
+        limit = None if self.options is None else self.options.largest_sigma
+        sure = [drop_uncertain(grid, limit)[0] for grid in self.grids]
+        return [surface for grid in sure for surface in range_surfaces(grid, tears)]
+
 
 def join(
     sources: Sequence[str | PathLike[str]],
@@ -93,7 +101,8 @@ def join(
         where its range scans lie, roughly.
     options
         How points become a surface, for all poses alike; None takes the usual ones for the joined
-        surface, and for the points of each pose those of its scan (see `reconstruct`).
+        surface, and for the points of each pose those of its scan (see `reconstruct`). The smallest
+        ``largest_sigma`` of these scans then holds for the joined surface, too.
     points
         Points picked in several poses: a CSV or JSON file, or a mapping of them.
     markers
@@ -127,7 +136,6 @@ def join(
     turnscan.errors.InputError: cup.turnscan: given twice → give each pose once
     """
     wanted = chosen(ReconstructOptions, options, changes)
-    settings = wanted.settings()
     ways = {"points": points, "markers": markers, "reference": reference}
     given = [name for name, value in ways.items() if value is not None]
     if len(given) > 1:
@@ -136,6 +144,8 @@ def join(
     files = [Path(source) for source in sources]
     own = _OwnOptions(options, changes)
     read = _read_all(_paths(files, unit), rig, unit, own, progress.subrange(0, _READ))
+    wanted = _limited(wanted, read)
+    settings = wanted.settings()
     placing = progress.subrange(_READ, _PLACED, "placing poses")
     found, read = _aligned(read, settings, points, markers, drawn, placing)
     done = _coloured(read, found, wanted, progress.subrange(_PLACED, 1))
@@ -197,10 +207,7 @@ def _aligned(
 ) -> tuple[Alignment, list[_Source]]:
     """Where the poses lie, and the poses without their marker spheres."""
     names = [s.name for s in read]
-    views = [
-        poses.view(s.name, [r for g in s.grids for r in range_surfaces(g, settings.tears)])
-        for s in read
-    ]
+    views = [poses.view(s.name, s.surfaces(settings.tears)) for s in read]
     if reference is not None:
         found = poses.onto_all(reference, views)
         poses.check(found)
@@ -327,22 +334,23 @@ def _merged(
     pairs = list(zip(read, found.poses, strict=True))
     grids = [placed(g, p, f"{s.name} {g.laser}") for s, p in pairs for g in s.grids]
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
-    how = replace(settings, caps=caps, largest_sigma=_limit(read, settings))
-    made = to_mesh(grids, how, progress=progress)
+    made = to_mesh(grids, replace(settings, caps=caps), progress=progress)
     mesh, left = made.mesh, made.grids
     findings += poses.alignment_findings(found) + made.findings
     source = replace(
         source_of(left, None), moves=tuple(poses.pose_moves(found, mesh)), placed=_views(pairs)
     )
     return Reconstruction(
-        tuple(left), mesh, tuple(findings), (), made.opened, source=source, along=settings.along
-    )
+        tuple(left), mesh, tuple(findings), (), made.opened, source=source, along=settings.along,
+        lost=made.lost,
+    )  # fmt: skip
 
 
-def _limit(read: Sequence[_Source], settings: Settings) -> float | None:
-    """mm: the smallest largest sigma, of the joined surface's and those kept with the poses."""
+def _limited(wanted: ReconstructOptions, read: Sequence[_Source]) -> ReconstructOptions:
+    """With the smallest largest sigma that is kept with the poses, where none was asked for."""
     kept = [s.options.largest_sigma for s in read if s.options is not None]
-    return min((x for x in (settings.largest_sigma, *kept) if x is not None), default=None)
+    known = [x for x in (wanted.largest_sigma, *kept) if x is not None]
+    return replace(wanted, largest_sigma=min(known)) if known else wanted
 
 
 def _coloured(
