@@ -37,7 +37,7 @@ balls, cones, cups and the outside of tori 30 to 80 % and up to 20 %."""
 _STEEPEST = float(np.radians(60.0))
 """A cap that slopes more at its border is not known to be one."""
 _MOSTLY = 0.5
-"""Of a surface, the part that was not measured from which on nobody knows what its fillings hold.
+"""Of a surface, the part that was not measured beyond which it is unknown what its fillings hold.
 """
 _GOES_ON = (0.35, 0.6)
 """A filling goes on in the tangent planes where it leaves its border at less than this part of the
