@@ -101,8 +101,8 @@ def join(
         where its range scans lie, roughly.
     options
         How points become a surface, for all poses alike; None takes the usual ones for the joined
-        surface, and for the points of each pose those of its scan (see `reconstruct`). The smallest
-        ``largest_sigma`` of these scans then holds for the joined surface, too.
+        surface, but the smallest ``largest_sigma`` of all scans, and for the points of each pose
+        those of its scan (see `reconstruct`).
     points
         Points picked in several poses: a CSV or JSON file, or a mapping of them.
     markers
@@ -137,8 +137,7 @@ def join(
     """
     wanted = chosen(ReconstructOptions, options, changes)
     ways = {"points": points, "markers": markers, "reference": reference}
-    given = [name for name, value in ways.items() if value is not None]
-    if len(given) > 1:
+    if len(given := [name for name, value in ways.items() if value is not None]) > 1:
         raise InputError(f"{' and '.join(given)}: mutually exclusive", hint="give one of them")
     drawn = None if reference is None else _reference(reference)
     files = [Path(source) for source in sources]
@@ -150,8 +149,7 @@ def join(
     found, read = _aligned(read, settings, points, markers, drawn, placing)
     done = _coloured(read, found, wanted, progress.subrange(_PLACED, 1))
     told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
-    if drawn is not None:
-        told["reference"] = drawn.name
+    told |= {} if drawn is None else {"reference": drawn.name}
     told["rig_sha256"] = {s.name: rig_hash(s.rig) for s in read if s.rig is not None} or None
     told["settings"] = {
         "joined": dict(wanted.changed()),
