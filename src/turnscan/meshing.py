@@ -70,7 +70,8 @@ def to_mesh(
     if finish and mesh is opened:  # nothing was closed or decimated: there is one mesh
         opened = whole
     closed = finish and s.caps is not None
-    remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
+    some = left_out is not None
+    remarks = surface.mesh_findings(whole, islands, faces, closed=closed, left_out=some)
     said = findings + points + uncertain + touching + repairing + closing + remarks
     return Meshed(sure, opened, whole if finish else opened, said, cut, left_out)
 

@@ -158,6 +158,15 @@ def test_all_points_make_the_surface_before_uncertain_ones_are_left_out(seed, li
     assert np.abs(deviation(middles, whole.mesh).distance).max() < 1e-3
 
 
+def test_a_limit_below_every_sigma_is_what_leaves_no_face():
+    grid = wall(60)
+    assert len(to_mesh([grid], Settings(largest_sigma=0.01)).mesh.faces), "what they state stays"
+    said = to_mesh([grid], Settings(largest_sigma=0.009)).findings
+    (none,) = [f for f in said if f.severity == "error"]
+    assert none.code == "surface.none"
+    assert [o.name for o in none.remedy.options] == ["largest_sigma"]
+
+
 def test_mixed_pixels_go_where_the_light_ends_one_sidedly():
     grid = wall()
     points, flags = grid.points.copy(), grid.flags.copy()

@@ -10,14 +10,19 @@ from turnscan.remedy import Option, Remedy
 
 
 def mesh_findings(
-    mesh: Mesh, islands: int, island_faces: int, *, closed: bool = False
+    mesh: Mesh, islands: int, island_faces: int, *, closed: bool = False, left_out: bool = False
 ) -> list[Finding]:
-    """Findings on a finished mesh: islands removed, what is not sound, borders left open."""
+    """Findings on a finished mesh: islands removed, what is not sound, borders left open; or why it
+    has no face, where faces were ``left_out`` as too uncertain, too."""
     out = []
     if islands:
         text = f"{islands} loose pieces with {island_faces} faces in all were removed"
         keep = Remedy("keep them with ", Option("island", 0))
         out.append(Finding("surface.islands", "note", text, "", keep))
+    if left_out and not len(mesh.faces):
+        text = "no face is left that states so small an uncertainty"
+        more = Remedy("give a larger ", Option("largest_sigma"))
+        return [*out, Finding("surface.none", "error", text, "", more)]
     if not len(mesh.faces):
         finer = "finer steps, or a looser working volume"
         return [*out, Finding("surface.none", "error", "no face could be formed", "", finer)]
