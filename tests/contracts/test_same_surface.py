@@ -106,12 +106,20 @@ def test_all_doors_make_the_same_surface(
     formats, _ = shown.content(ExportOptions())
     assert export(shown.mesh, ".ply", options=formats) == of_cli, "provenance included"
     assert [(h.cause, h.also) for h in shown.holes] == [(h.cause, h.also) for h in made.holes]
+    assert faces_left_out(shown) == faces_left_out(made)
+    assert (faces_left_out(made) > 0) == any("merged vertices" in f.message for f in made.findings)
     assert shown.points.tobytes() == made.points.tobytes()
     before = {str(f) for f in browser.findings}
     if options.close:
         assert any(f.code == "scan.finished-on-export" for f in browser.findings)
     else:
         assert before == {str(f) for f in made.findings}
+
+
+def faces_left_out(done: ts.ReconstructResult) -> int:
+    """How many were left out for their uncertainty, which the causes of holes look at."""
+    lost = done.reconstruction.lost
+    return 0 if lost is None else len(lost.faces.faces)
 
 
 def test_a_browser_opens_a_scan_with_the_settings_in_its_file(tmp_path: Path) -> None:

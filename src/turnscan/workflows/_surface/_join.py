@@ -346,9 +346,11 @@ def _merged(
 
 def _limited(wanted: ReconstructOptions, read: Sequence[_Source]) -> ReconstructOptions:
     """With the smallest largest sigma that is kept with the poses, where none was asked for."""
-    kept = [s.options.largest_sigma for s in read if s.options is not None]
-    known = [x for x in (wanted.largest_sigma, *kept) if x is not None]
-    return replace(wanted, largest_sigma=min(known)) if known else wanted
+    limits = (s.options.largest_sigma for s in read if s.options is not None)
+    kept = [limit for limit in limits if limit is not None]
+    if wanted.largest_sigma is not None or not kept:
+        return wanted
+    return replace(wanted, largest_sigma=min(kept))
 
 
 def _coloured(
