@@ -8,7 +8,7 @@ finds them again, ``--parts mug``, ``--rigs paper``, ``--lasers 2`` and ``--step
 of those alone. ``--calibrated`` measures with a rig calibrated from pictures of a board, lays the
 surface onto the part (`bench._laid`), and adds to sigma what the calibration says of itself.
 ``--largest-sigma 0.2 0.5`` measures each surface once more without what states more than that, as
-``reconstruct`` makes it.
+``reconstruct`` makes it. ``--spacing-between 2deg`` measures each with profiles so far apart, too.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from turnscan.settings import Settings
 from turnscan.simulate import Bench, SimulationSpec, bench
 from turnscan.surface.clean import drop_islands, part_uncertain
 from turnscan.surface.fusion import MergeMethod, merge
+from turnscan.workflows._options._reconstruct import spacing_between
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove", "shaft", "grooves")
 RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
@@ -121,24 +122,29 @@ def rows(
     folder: Path,
     calibrated: bool,
     limits: Sequence[float] = (),
+    spaced: Sequence[str] = (),
 ) -> Iterator[Row]:
-    """The table's rows, each scan simulated once, each surface again with each limit."""
+    """The table's rows, each scan simulated once, each surface again with each limit, and all of
+    them with profiles ``spaced`` otherwise than they were measured."""
     for part, rig, lasers, count in product(parts, rigs, lines, steps):
         spec = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(spec, folder)
         ours = _calibrated(made, rig, lasers, folder) if calibrated else made.rig
         with Scan.open(path) as scan:
             seen = tuple(detect_scan(scan, ours, Settings().stripes))
-        grids = to_grids(seen, Settings()).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
-        for way in WAYS if lasers > 1 else ("paste",):
+        ways = WAYS if lasers > 1 else ("paste",)
+        for text, way in product(("", *spaced), ways):
+            between = spacing_between(text) if text else None
+            grids = to_grids(seen, Settings(between=between)).grids
             merged, _ = merge(grids, how=way)
             for limit in (None, *limits):
                 mesh, _, _ = part_uncertain(merged, limit)
                 mesh, _ = cut_touching(mesh)
                 mesh, _, _ = drop_islands(mesh, None, grids)
                 name = f"{part}, {rig}{KNOWN[calibrated]}"
+                name += f", {text} between" if text else ""
                 name += "" if limit is None else f", at most {limit:g} mm"
                 common: Floats | float = 0.0
                 if calibrated:
@@ -168,16 +174,18 @@ def run(
     lasers: Sequence[int] = LASERS,
     steps: Sequence[int] = STEPS,
     limits: Sequence[float] = (),
+    spaced: Sequence[str] = (),
 ) -> None:
     """Print every row as it is measured, and put it into the page.
 
-    With ``limits``, mm, also without what states more sigma; such rows are for no page.
+    With ``limits``, mm, also without what states more sigma, and with profiles ``spaced``
+    otherwise; such rows are for no page.
     """
     order = [f"{part}, {rig}{more}" for rig in RIGS for part in PARTS for more in KNOWN]
     with _keep.folder(keep) as folder:
         rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
         print("\n".join(HEAD))
-        for one in rows(parts, rigs, lasers, steps, folder, calibrated, limits):
+        for one in rows(parts, rigs, lasers, steps, folder, calibrated, limits, spaced):
             lines = _page.measured([one.line()], KNOWN[calibrated].strip(", ") or "rig known")
             print(lines[0], flush=True)
             if into_pages:
@@ -198,11 +206,15 @@ def main() -> None:
     parser.add_argument(
         "--largest-sigma", type=float, nargs="+", default=[], help="mm: again without what has more"
     )
+    parser.add_argument(
+        "--spacing-between", nargs="+", default=[], metavar="SIZE", help="2deg, 1mm: again so"
+    )
     given = parser.parse_args()
-    if given.write and given.largest_sigma:
+    if given.write and (given.largest_sigma or given.spacing_between):
         parser.error("--write puts rows of everything that is measured into the page")
     some = given.parts, given.rigs, given.lasers, given.steps
-    run(given.quick, given.write, given.keep, given.calibrated, *some, given.largest_sigma)
+    more = given.largest_sigma, given.spacing_between
+    run(given.quick, given.write, given.keep, given.calibrated, *some, *more)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from turnscan.memory import give_back
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
 from turnscan.settings import Settings
-from turnscan.surface import clean
+from turnscan.surface import clean, fusion
 from turnscan.surface.holes import ScanCoverage
 
 
@@ -75,7 +75,7 @@ def to_grids(
                 ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places, off)
             )
             if s.between is not None:
-                kept = points.respace(kept, s.between)
+                kept = fusion.respace(kept, s.between, s.tears)
             grids.append(kept)
         give_back()
     return Gridded(grids, sought, findings)

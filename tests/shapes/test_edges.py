@@ -150,6 +150,21 @@ def test_chamfers_are_told_and_not_sharpened() -> None:
     assert [e.form for e in apart] == 8 * ["sharp"]
 
 
+@pytest.mark.parametrize(("stated", "form"), [(SIGMA, "chamfer"), (0.1, "chamfer"), (1.2, "sharp")])
+def test_what_points_between_profiles_may_be_off_by_is_no_chamfer(stated: float, form: str) -> None:
+    """Chords from profile to profile cut an edge off as a chamfer does; there each of many points
+    states that it may lie by as much elsewhere, and all of them alike."""
+    mesh = noisy(prism(_cut(1.5), 20, 0.4), SIGMA, 3)
+    across = np.abs(mesh.vertices[:, 0]) + np.abs(mesh.vertices[:, 1])
+    sigma = np.where(across > 40.0 - 1.5 - 5 * SIGMA, stated, SIGMA)
+    whole = np.arange(len(sigma), dtype=np.int32)
+    origin = Provenance(sigma, 0 * whole, whole, whole, ("red",))
+    _, edges = _made(replace(mesh, provenance=origin), smallest=0.1)
+    assert [e.form for e in edges] == 4 * [form]
+    if form == "sharp":
+        assert all(e.sigma == pytest.approx(1.5, abs=0.1) for e in edges), "it may be so large"
+
+
 def test_inner_edges_are_told_from_outer() -> None:
     step = turned([(20, 0), (20, 12), (12, 12), (12, 25)], 0.5, 150)
     mesh = noisy(step, SIGMA, 4)

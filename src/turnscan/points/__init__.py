@@ -1,7 +1,7 @@
 """Stripe + Rig + angle → Profile → RangeGrid and PointCloud, with sigma and provenance."""
 
-from turnscan.points._between import Between, respace
-from turnscan.points._build import build_grid, every, whole_turns
+from turnscan.points._between import Between
+from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import (
     angle_findings,
     grid_findings,
@@ -49,6 +49,7 @@ __all__ = [
     "cloud",
     "drop_specks",
     "every",
+    "goes_round",
     "grid_findings",
     "lost_frames",
     "normal_sigma",
@@ -62,7 +63,6 @@ __all__ = [
     "range_scan_from_ply",
     "refine",
     "resample",
-    "respace",
     "rig_moves",
     "swept_findings",
     "systematic_sigma",

@@ -199,7 +199,28 @@ def _edge(
     scale = max(one.rms, other.rms, 1e-9)
     spacing = _spacing(mesh, where, member)
     edge = _form(u, v, cosine, scale, BENT * spacing, angle)
+    if edge.form != "sharp" and not _is_told(mesh, member, (u, v, cosine), scale, edge):
+        edge = _Form("sharp", 0.0, edge.size)
     return Edge(i, j, edge.form, convex, angle, edge.size, edge.sigma, len(member))
+
+
+def _is_told(
+    mesh: Mesh, member: Index, sides: tuple[Floats, Floats, Floats], scale: float, edge: _Form
+) -> bool:
+    """Whether the vertices beside an edge that would lie elsewhere if it were sharp, as far as they
+    state to know it, say that it is not.
+
+    What the surface does between two profiles nobody knows, and it moves all vertices there alike:
+    many of them are no surer than one.
+    """
+    if mesh.provenance is None:
+        return True
+    u, v, cosine = sides
+    off = np.maximum(u, v)
+    form = fillet_distance if edge.form == "fillet" else chamfer_distance
+    tell = np.abs(form(u, v, cosine, edge.size) - off) > scale
+    stated = np.fmax(mesh.provenance.sigma[member], scale)
+    return bool(tell.any() and np.mean((off[tell] / stated[tell]) ** 2) > 1.0)
 
 
 def _spacing(mesh: Mesh, where: Neighbourhood, member: Index) -> float:

@@ -4,6 +4,7 @@ from turnscan.surface.fusion._combine import paste
 from turnscan.surface.fusion._merge import MergeMethod, merge
 from turnscan.surface.fusion._overlap import Overlap, overlaps
 from turnscan.surface.fusion._range_surface import RangeSurface, range_surfaces
+from turnscan.surface.fusion._respace import respace
 from turnscan.surface.fusion._tsdf import fuse
 
 __all__ = [
@@ -15,4 +16,5 @@ __all__ = [
     "overlaps",
     "paste",
     "range_surfaces",
+    "respace",
 ]
