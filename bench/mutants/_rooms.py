@@ -76,7 +76,7 @@ ROOMS = {
             Suite(("points/test_range_scan.py",), only=("points/_range*", "points/_placements*")),
             Suite(("points/test_sweep.py",), only=("points/_sweep*",)),
             Suite(("points/test_wholeness.py",), only=("points/_wholeness*", "points/_build.py")),
-            Suite(("points/test_between.py", "points/test_grid.py", "points/test_triangulate.py")),
+            Suite(("points/test_grid.py", "points/test_triangulate.py")),
         ),
         28,
     ),

@@ -62,3 +62,14 @@ def test_two_surfaces_pushed_apart_disagree_by_that(part):
     up = found.offsets[np.abs(found.places[:, 2] - found.places[:, 2].max()) < 3.0]
     assert np.median(up) == pytest.approx(-0.4, abs=0.15)
     assert any(f.code == "surface.disagree" for f in merge([one, away])[1])
+
+
+@pytest.mark.parametrize("steps", [12, 16, 24])
+def test_coarse_steps_on_a_round_part_are_no_disagreement(steps):
+    """A chord lies 0.9 mm inside the ball in 12 steps, and leans against the normal by 15°."""
+    (found,) = overlaps([range_surfaces(g)[0] for g in scanned(sphere(25.0, tuple(CENTRE)), steps)])
+    assert len(found.ratios) > 100
+    assert found.disagreeing < 0.015
+    # What a cubic through four places of a circle is off by half-way.
+    due = 3 / 128 * 25.0 * np.radians(360 / steps) ** 4
+    assert abs(np.median(found.offsets)) < due + 0.02

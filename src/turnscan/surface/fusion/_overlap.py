@@ -136,7 +136,7 @@ def _compared(one: _Woven, other: _Woven, a: Ints, b: Ints) -> Overlap | None:
     good = there & one.smooth[a]
     a, X, normals, off = a[good], X[good], normals[good], off[good]
     bulge, spread = kernels.between(
-        which[good], weights[good], normals, mesh.faces,
+        which[good], weights[good], normals, mesh.vertices, mesh.faces,
         other.rank, other.before, other.after, other.smooth, other.second, other.noise,
     )  # fmt: skip
     known = np.isfinite(bulge)
