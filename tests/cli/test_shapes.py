@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import turnscan as ts
 from tests.shapes.solids import noisy, prism
 from turnscan.cli import main, turnscan
 from turnscan.formats import write_ply, write_stl
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, Provenance
 from turnscan.workflows import read_mesh_file
 
 
@@ -94,6 +95,19 @@ def test_what_is_not_known_is_no_number_in_a_file(tmp_path: Path) -> None:
     assert whole["value"] == pytest.approx(729)
     assert whole["standard_uncertainty"] is None
     assert "nan" not in (data.read_text() + table.read_text()).lower()
+
+
+def test_a_scanned_mesh_says_that_it_knows_its_noise_alone(tmp_path: Path) -> None:
+    """What moves all points alike is known to the scan, and to the result of a reconstruction."""
+    block = noisy(prism([(0, 0), (40, 0), (40, 30), (0, 30)], 20, 4.0), 0.02, 1)
+    whole = np.arange(len(block.vertices), dtype=np.int32)
+    origin = Provenance(np.full(len(whole), 0.02), 0 * whole, whole, whole, ("red",))
+    scanned, plain = tmp_path / "scanned.ply", tmp_path / "plain.ply"
+    scanned.write_bytes(write_ply(replace(block, provenance=origin)))
+    plain.write_bytes(write_ply(block))
+    (said,) = ts.measure(scanned, sphere=True).findings
+    assert (said.code, said.severity, said.where) == ("measure.noise-alone", "note", str(scanned))
+    assert ts.measure(plain, sphere=True).findings == ()
 
 
 def _fails(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *args: object):

@@ -31,6 +31,7 @@ from turnscan.workflows._inspection._dimension_report import dimension_table, wr
 from turnscan.workflows._inspection._shapes import FoundShapes, find_shapes, in_words
 from turnscan.workflows._options._declare import chosen
 from turnscan.workflows._options._measure import MeasureOptions
+from turnscan.workflows._solids._loaded import Loaded
 from turnscan.workflows._solids._shapes_table import Dimension
 from turnscan.workflows._surface._loading import Source, load
 from turnscan.workflows._surface._reconstruct import reconstruct
@@ -49,7 +50,7 @@ class Measured:
     figures: Mapping[str, Any]
     """By name, with the unit at its end: ``volume_mm3``, ``bounds_mm``, ``planes``, …"""
     findings: tuple[Finding, ...] = ()
-    """Of the reconstruction, where a scan was measured."""
+    """Of the reconstruction, where a scan was measured; what a mesh does not know."""
     shapes: FoundShapes | None = None
     """What every size was found from, where they were asked for."""
 
@@ -102,7 +103,8 @@ def measure(
 
     Only what was measured is fitted, no vertex of a filling, as far as the source tells them apart;
     points weigh 1/sigma² where their sigma is known. Uncertainties follow from the scatter of the
-    points about the fit; what a wrong calibration does to all points alike is not in them.
+    points about the fit; what light and rig do to all points alike is in those of sizes where a
+    scan or the result of a reconstruction is measured: a mesh does not know it, and says so.
 
     Parameters
     ----------
@@ -149,11 +151,25 @@ def measure(
         result["sphere"] = _sphere(mesh)
     if wanted.cylinder:
         result["cylinder"] = _cylinder(mesh)
+    said = (*loaded.findings, *_noise_alone(loaded))
     if not wanted.every_size or not (wanted.sizes or len(mesh.faces)):
-        return Measured(result, loaded.findings)
+        return Measured(result, said)
     found = find_shapes(source)
     result["sizes"] = found.figures()["sizes"]
-    return Measured(result, loaded.findings, found)
+    return Measured(result, said, found)
+
+
+def _noise_alone(loaded: Loaded) -> list[Finding]:
+    """What is to be said of a scanned surface that does not know what it was made from."""
+    p = loaded.mesh.provenance
+    if loaded.source is not None or p is None or not (p.sigma > 0).any():
+        return []
+    text = (
+        "a mesh knows the noise of its vertices, not what light and rig move alike: "
+        "uncertainties of sizes may be half of what they are from the scan"
+    )
+    remedy = "measure the scan (.turnscan) that it was made of"
+    return [Finding("measure.noise-alone", "note", text, loaded.name, remedy)]
 
 
 def _whole_part(figures: Mapping[str, Any]) -> list[Dimension]:
