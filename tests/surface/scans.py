@@ -14,6 +14,15 @@ CENTRE = np.array([3.0, 2.0, 28.0])
 """mm: middle of the ball that is scanned."""
 
 
+def bracket(P):
+    """A foot of 50 × 30 × 12 and a wall of 50 × 10 × 48 on it."""
+
+    def box(low, high):
+        return np.max(np.maximum(np.asarray(low) - P, P - np.asarray(high)), axis=-1)
+
+    return np.minimum(box((-25, -15, 0), (25, 15, 12)), box((-25, -15, 12), (25, -5, 60)))
+
+
 def scanned(shape, steps, top=60.0):
     rig = make_rig(lasers=(0.4, -0.4), lift=28.0, elevation=0.3)
     angles = full_turn(steps)

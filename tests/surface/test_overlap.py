@@ -8,17 +8,8 @@ import numpy as np
 import pytest
 
 from tests.analytic import sphere
-from tests.surface.scans import CENTRE, scanned
+from tests.surface.scans import CENTRE, bracket, scanned
 from turnscan.surface.fusion import merge, overlaps, range_surfaces
-
-
-def bracket(P):
-    """A foot of 50 × 30 × 12 and a wall of 50 × 10 × 48 on it."""
-
-    def box(low, high):
-        return np.max(np.maximum(np.asarray(low) - P, P - np.asarray(high)), axis=-1)
-
-    return np.minimum(box((-25, -15, 0), (25, 15, 12)), box((-25, -15, 12), (25, -5, 60)))
 
 
 @pytest.fixture(scope="module", params=["ball", "bracket"])

@@ -11,8 +11,8 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._parts import submesh
+from turnscan.mesh._mesh import Mesh, Provenance
+from turnscan.mesh._parts import measured, submesh
 from turnscan.points import Along, RangeGrid, usual_sigma
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits
@@ -172,7 +172,8 @@ def _confirmed(
     between profiles it is spanned by faces between the vertices that are left, and where that does
     not go, as beyond the end of a profile, its faces go. So is what stands afar from all points,
     but where that does not go it stays, with its sigma. What is confirmed from afar alone is known
-    no better than that. Faces that close a seam are not measured, and need no witness.
+    no better than that. Faces that close a seam are not measured, and need no witness; nor do the
+    vertices on their border, but what is not confirmed there was not measured either.
     """
     told = witnessed(mesh, surfaces, voxel, most)
     good, guessed, loose, afar = told.confirmed, told.guessed, told.loose, told.afar
@@ -180,27 +181,39 @@ def _confirmed(
     if p is not None:
         sigma = np.where(good & ~np.isnan(p.sigma), told.sigma, p.sigma)
         mesh = replace(mesh, provenance=replace(p, sigma=sigma))
+    doubted = np.zeros(len(mesh.vertices), dtype=np.bool_)
     if mesh.measured is not None:
         made = np.zeros(len(mesh.vertices), dtype=np.bool_)
         made[mesh.faces[~mesh.measured]] = True
+        doubted = made & (~good | guessed | afar)
         good, guessed, loose, afar = good | made, guessed & ~made, loose & ~made, afar & ~made
     out = list[Finding]()
     if not good.all():
         text = f"{int((~good).sum())} vertices far from every measured surface are removed"
         out.append(Finding("surface.unmeasured", "note", text, _about(mesh.vertices[~good])))
         mesh, left = _without(mesh, ~good)
-        guessed, loose, afar = guessed[left], loose[left], afar[left]
+        guessed, loose, afar, doubted = guessed[left], loose[left], afar[left], doubted[left]
     if (guessed | loose).any():
         mesh, unseated = seated(mesh, guessed | loose, surfaces, voxel)
         guessed &= unseated
     if (guessed | afar).any():
         mesh, left = dissolve(mesh, guessed | afar)
-        guessed = guessed[left]
+        guessed, doubted = guessed[left], doubted[left]
     if guessed.any():
         text = f"{int(guessed.sum())} vertices between profiles, or beyond their ends, are removed"
         out.append(Finding("surface.guessed", "note", text, _about(mesh.vertices[guessed])))
-        mesh, _ = _without(mesh, guessed)
-    return mesh, out
+        mesh, left = _without(mesh, guessed)
+        doubted = doubted[left]
+    return _unmeasured(mesh, doubted) if doubted.any() else mesh, out
+
+
+def _unmeasured(mesh: Mesh, which: Bools) -> Mesh:
+    """The mesh with vertices (v,), and the faces at them, as not measured."""
+    p = mesh.provenance
+    if p is not None:
+        none = (np.where(which, -1, k) for k in (p.laser, p.step, p.line))
+        p = Provenance(np.where(which, np.nan, p.sigma), *none, p.lasers)
+    return replace(mesh, provenance=p, measured=measured(mesh) & ~which[mesh.faces].any(axis=1))
 
 
 def _about(X: Floats) -> str:

@@ -197,7 +197,7 @@ def overlap_findings(found: Sequence[Overlap]) -> list[Finding]:
             f"{np.median(np.abs(o.offsets[beyond])):.3f} mm about ({x:.0f}, {y:.0f}, {z:.0f}) mm; "
             f"over all {np.median(o.offsets):+.3f} mm"
         )
-        remedy = "calibrate again, or check for glare there"
+        remedy = "calibrate again, check for glare there, or take finer steps"
         where = f"{o.first} and {o.second}"
         out.append(Finding("surface.disagree", "warning", text, where, remedy))
     if len(apart) > _PAIRS:
