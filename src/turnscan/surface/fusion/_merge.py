@@ -211,8 +211,8 @@ def _unmeasured(mesh: Mesh, which: Bools) -> Mesh:
     """The mesh with vertices (v,), and the faces at them, as not measured."""
     p = mesh.provenance
     if p is not None:
-        none = (np.where(which, -1, k) for k in (p.laser, p.step, p.line))
-        p = Provenance(np.where(which, np.nan, p.sigma), *none, p.lasers)
+        laser, step, line = (np.where(which, -1, k) for k in (p.laser, p.step, p.line))
+        p = Provenance(np.where(which, np.nan, p.sigma), laser, step, line, p.lasers)
     return replace(mesh, provenance=p, measured=measured(mesh) & ~which[mesh.faces].any(axis=1))
 
 
