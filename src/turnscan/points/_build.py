@@ -14,6 +14,7 @@ from turnscan.points._curvature import curvature_shift, thin_doubt
 from turnscan.points._grid import RangeGrid, lines_about
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._scatter import pooled_sigma
+from turnscan.points._straight import straight_on
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._volume import without
 from turnscan.points._wholeness import wholeness
@@ -202,6 +203,7 @@ def _judged(
             return grid
         seen = _lit_points(grid, rig, width, vertical)
         light = wholeness(seen)
+    light = replace(light, doubt=straight_on(seen, light.doubt, light.shift))
     # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
     thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
     bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
@@ -212,11 +214,7 @@ def _judged(
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
 
     def part(a: int, b: int) -> None:
-        aside, X = seen.moves[a:b], grid.points[a:b]
-        ray = X - seen.eyes[a:b, None]
-        slope = np.einsum("sni,sni->sn", seen.sheets[a:b], aside)
-        slope = slope / np.einsum("sni,sni->sn", seen.sheets[a:b], ray)
-        along = aside - ray * slope[..., None]
+        along, X = seen.along[a:b], grid.points[a:b]
         carried = np.hypot(X[..., 0], X[..., 1]) * shaky[a:b, None] * light.slide[a:b]
         doubt = np.hypot(light.doubt[a:b], _CURVED * bent[a:b])
         points[a:b] = X - along * ((light.shift[a:b] + bent[a:b]) * single[a:b])[..., None]

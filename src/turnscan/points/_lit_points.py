@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
 
 from turnscan.arrays import Floats
+
+_LEAST = 0.25
+"""Part of the median arc below which no step is believed to be: beside the axis it is none."""
 
 
 @dataclass(frozen=True)
@@ -30,3 +36,20 @@ class LitPoints:
     """mm: how far noise usually moves a point."""
     stated: float = 0.0
     """mm rms: how thick the rig says that the sheet is; 0 where it does not."""
+
+    @cached_property
+    def arcs(self) -> Floats:
+        """(s, n) mm: the usual way of each point from step to step."""
+        turn = np.abs(np.diff(np.unwrap(self.angles)))
+        usual = float(np.median(turn)) if len(turn) else 0.0
+        arc = np.hypot(self.points[..., 0], self.points[..., 1]) * usual
+        have = arc[~np.isnan(arc)]
+        return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
+
+    @cached_property
+    def along(self) -> Floats:
+        """(s, n, 3) mm: how a centre that is off by one pixel moves its point, in the sheet."""
+        ray = self.points - self.eyes[:, None]
+        slope = np.einsum("sni,sni->sn", self.sheets, self.moves)
+        slope = slope / np.einsum("sni,sni->sn", self.sheets, ray)
+        return np.asarray(self.moves - ray * slope[..., None])

@@ -92,8 +92,6 @@ _TOGETHER = 64
 """Steps whose widths are judged at a time."""
 _STRETCH = 0.6
 """Part of what the lines beside one are doubted or put back by that it is doubted by."""
-_LEAST = 0.25
-"""Part of the median arc below which no step is believed to be: beside the axis it is none."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +139,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
     bright = _steady(np.where(found, light.amplitude, np.nan))
-    arcs = _arcs(light)
+    arcs = light.arcs
     own, thickness, still = _lying(light, found, width, bright, arcs)
     sizes = apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
@@ -368,15 +366,6 @@ def _along_steps(
 
     in_parts(part, len(light.points))
     return out
-
-
-def _arcs(light: LitPoints) -> Floats:
-    """(s, n) mm: the usual way of each point from step to step."""
-    turn = np.abs(np.diff(np.unwrap(light.angles)))
-    usual = float(np.median(turn)) if len(turn) else 0.0
-    arc = np.hypot(light.points[..., 0], light.points[..., 1]) * usual
-    have = arc[~np.isnan(arc)]
-    return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
 
 
 def _ended(
