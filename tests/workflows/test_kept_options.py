@@ -268,7 +268,7 @@ def test_what_earlier_versions_kept_is_read(
 
 def test_a_session_says_what_is_not_sound_about_what_it_exports(scan: Path) -> None:
     reconstruct(scan, ReconstructOptions(decimate="100"), store=True)
-    session = ScanSession(scan)
+    session = ScanSession(scan, no_progress)
     try:
         result = session.result(session.now, no_progress)
     finally:
