@@ -220,11 +220,12 @@ def test_an_empty_result_writes_nothing_and_exits_1(scan_path, tmp_path):
 
 
 def test_one_profile_of_each_laser_forms_no_face_and_says_so(tmp_path):
+    """With so many points in each that the table's errors are asked of them."""
     path, out = tmp_path / "can.turnscan", tmp_path / "can.ply"
     rig, u, angles = make_rig(elevation=0.1, lift=20.0, lasers=(0.4, -0.4)), np.arange(320), (0, 3)
     with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0", "L1"), 2, 12.0), rig) as scan:
         for name in ("L0", "L1"):
-            for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 40), np.array(angles), name)):
+            for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 80), np.array(angles), name)):
                 at = np.nan_to_num(s.position, nan=-1e3)[:, None]
                 lit = np.rint(10 + 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)).astype(np.uint8)
                 dark = np.full((240, 320), 10, np.uint8)
