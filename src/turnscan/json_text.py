@@ -11,6 +11,8 @@ JSON_BYTES: Final = 16 << 20
 """Characters of one JSON text."""
 JSON_DEPTH: Final = 32
 """Nesting of one JSON text."""
+_SHOWN = 40
+"""Characters of a text that is no JSON, in a message."""
 
 
 def strict_json(text: str, where: str) -> Any:
@@ -22,11 +24,17 @@ def strict_json(text: str, where: str) -> Any:
         raise LimitExceeded(f"{where}: {len(text)} characters; at most {JSON_BYTES} are accepted")
     try:
         body = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+    except json.JSONDecodeError as e:
+        raise FormatError(f"{where}: {_shown(text)} is not JSON ({e})") from None
     except (ValueError, RecursionError) as e:
         raise FormatError(f"{where}: {e}") from None
     if _depth(body) > JSON_DEPTH:
         raise LimitExceeded(f"{where}: nested deeper than {JSON_DEPTH} levels")
     return body
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= _SHOWN else text[: _SHOWN - 1] + "…")
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -94,7 +94,9 @@ def finished(
     if s.tolerance is not None or s.faces is not None:
         dense, thinning = mesh, progress.subrange(1 / 3, 1)
         mesh = decimation.decimate(dense, tolerance=s.tolerance, faces=s.faces, progress=thinning)
-        findings += decimation.decimation_findings(dense, mesh, s.faces)
+        findings += decimation.decimation_findings(
+            dense, mesh, tolerance=s.tolerance, faces=s.faces
+        )
     return mesh, findings
 
 

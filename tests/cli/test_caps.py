@@ -48,6 +48,13 @@ def test_what_is_asked_for_is_what_is_done() -> None:
 def test_options_that_do_nothing_are_refused() -> None:
     with pytest.raises(InputError, match="fill, top: no effect without close"):
         chosen("--fill", "flat", "--top", "plane")
+    for merge in ("grid", "paste"):
+        with pytest.raises(InputError, match=f"voxel: no effect with merge {merge}.*merge=tsdf"):
+            chosen("--voxel", "1", "--merge", merge)
+    with pytest.raises(InputError, match="spacing_by: no effect without spacing → add spacing"):
+        chosen("--spacing-by", "arc")
+    chosen("--voxel", "1")
+    chosen("--spacing-by", "arc", "--spacing", "1")
 
 
 def range_scan(folder: Path) -> Path:

@@ -244,6 +244,8 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
     for rule, words in {
         "sigma=99": "no face matches sigma=99",
         "sigma=wide": "expected a number after the =",
+        "sigma=-1": "expected mm above 0 after the =",
+        "sigma=0": "expected mm above 0 after the =",
         "steps=3": "expected 2 numbers after the =",
         "cause=magic": "one of laser, camera",
         "flag=ok": "one of dark",
@@ -258,6 +260,9 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
     assert "mm, circle" in progress
     assert 60 < float(progress.split("]: ")[1].split(" ")[0]) < 80
     assert "kind" in refused(monkeypatch, capsys, "edits", repaired, "--make", '{"kind":"warp"}')
+    said = refused(monkeypatch, capsys, "edits", repaired, "--make", "xx")
+    assert "make: 'xx' is not JSON" in said
+    assert 'give an edit like {"kind": "decimate", "faces": 20000}' in said
 
 
 def test_bad_histories_are_refused_in_one_line(

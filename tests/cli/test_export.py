@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -13,7 +15,8 @@ from tests.formats.parts import torus
 from turnscan.cli._export import verb
 from turnscan.errors import ExportError, FormatError, InputError
 from turnscan.formats import export, read_dxf_content, read_mesh
-from turnscan.workflows import check_writable, write_atomically
+from turnscan.mesh import Mesh, join
+from turnscan.workflows import check, check_writable, write_atomically
 
 PART = torus(12, 9)
 
@@ -112,7 +115,40 @@ def test_a_mesh_is_thinned_out_to_a_count_or_a_tolerance(ply: Path) -> None:
     assert len(read_mesh(near.read_bytes(), ".stl").faces) == len(PART.faces)
 
 
-@pytest.mark.parametrize("asked", ["3", "-1", "0mm", "nanmm", "inf", "little"])
+def test_a_whole_number_without_a_unit_is_a_count(ply: Path) -> None:
+    for asked in ("1e2", "100.0", "100"):
+        done = call(ply, "-o", ply.with_name("few.stl"), "--decimate", asked)
+        assert f"100 of {len(PART.faces)} faces are left" in done.stderr
+    done = call(ply, "-o", ply.with_name("all.stl"), "--decimate", "1e9")
+    assert f"{len(PART.faces)} of {len(PART.faces)} faces are left" in done.stderr
+
+
+def test_what_check_finds_in_a_file_the_export_has_said(ply: Path) -> None:
+    few, crossed, cut = (ply.with_name(f"{name}.ply") for name in ("few", "crossed", "cut"))
+    done = call(ply, "-o", few, "--decimate", "4")
+    (left,) = re.findall(r"^note surface.decimated: (\d+) of", done.stderr, re.MULTILINE)
+    assert "4 faces cannot be reached" in done.stderr
+    assert f"ask for as many as are left: --decimate {left}\n" in done.stderr
+    assert "--close" not in done.stderr, "which export has not"
+    assert not check(few).findings
+    away = np.array([20.0, 0.0, 3.0])
+    crossed.write_bytes(export(join([PART, Mesh(PART.vertices + away, PART.faces)]), ".ply"))
+    cut.write_bytes(export(Mesh(PART.vertices, PART.faces[1:]), ".ply"))
+    for source in (crossed, cut):
+        done = call(source, "-o", few, "--decimate", "100")
+        assert done.exit_code == 0, done.output
+        found = check(few).findings
+        assert found
+        for finding in found:
+            assert finding.code in done.stderr
+            assert finding.where in done.stderr
+    assert "surface.crossing" not in done.stderr
+    done = call(crossed, "-o", few)
+    (finding,) = check(few).findings
+    assert str(finding) in done.stderr, "as it does of what was not decimated"
+
+
+@pytest.mark.parametrize("asked", ["3", "3.0", "-1", "0.05", "0mm", "nanmm", "inf", "little"])
 def test_a_decimation_that_cannot_be_is_refused_before_work(ply: Path, asked: str) -> None:
     done = call(ply, "-o", ply.with_name("out.stl"), "--decimate", asked)
     assert done.exit_code == 2

@@ -219,6 +219,41 @@ def test_an_empty_result_writes_nothing_and_exits_1(scan_path, tmp_path):
     assert "points.none" in result.stderr
 
 
+def test_one_profile_of_each_laser_forms_no_face_and_says_so(tmp_path):
+    """With so many points in each that the table's errors are asked of them."""
+    path, out = tmp_path / "can.turnscan", tmp_path / "can.ply"
+    rig, u, angles = make_rig(elevation=0.1, lift=20.0, lasers=(0.4, -0.4)), np.arange(320), (0, 3)
+    with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0", "L1"), 2, 12.0), rig) as scan:
+        for name in ("L0", "L1"):
+            for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 80), np.array(angles), name)):
+                at = np.nan_to_num(s.position, nan=-1e3)[:, None]
+                lit = np.rint(10 + 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)).astype(np.uint8)
+                dark = np.full((240, 320), 10, np.uint8)
+                scan.add(Frame(k, name, lit, dark, commanded=float(angles[k])))
+    for every in (2, 3, 100):
+        result = run("reconstruct", path, "-o", out, "--every", every, fails=1)
+        assert result.exit_code == 1, result.exception
+        assert "points in 1 profiles" in result.stdout
+        assert "no face could be formed" in result.stderr
+        assert not out.exists()
+
+
+def test_options_of_formats_that_are_not_written_are_refused(scan_path, tmp_path):
+    out = tmp_path / "a.stl"
+    for words, says in (
+        (("--float32",), "no effect on a.stl → leave it out, or write a .ply as well"),
+        (("--obj-texture",), "or write a .obj as well"),
+        (("--dxf-version", "R12"), "or write a .dxf as well"),
+        (("--dxf-form", "polyface", "--ascii"), "or write a .dxf as well"),
+    ):
+        error = run("reconstruct", scan_path, "-o", out, *words, fails=2).exception
+        assert isinstance(error, InputError)
+        assert says in str(error)
+        assert not out.exists()
+    run("reconstruct", scan_path, "-o", out, "-o", tmp_path / "a.ply", "--ascii", "--float32")
+    assert out.read_bytes().startswith(b"solid")
+
+
 def test_bad_options_are_one_named_error(scan_path, tmp_path):
     def refused(kind, says, *words):
         result = run("reconstruct", *words, fails=2)
@@ -232,6 +267,7 @@ def test_bad_options_are_one_named_error(scan_path, tmp_path):
     a = tmp_path / "a.ply"
     refused(InputError, "no such scan file", tmp_path / "none.turnscan", "-o", a)
     refused(InputError, "'.iges' are not known", scan_path, "-o", tmp_path / "a.iges")
+    refused(InputError, ".xyz, .step", scan_path, "-o", tmp_path / "a.dwg")
     refused(ExportError, "no folder", scan_path, "-o", tmp_path / "no" / "a.ply")
     refused(InputError, "pictures of 320 × 240", scan_path, "-o", a, "--rig", rig)
     refused(InputError, "no height", scan_path, "-o", a, "--z-min", 9, "--z-max", 3)

@@ -22,12 +22,13 @@ from turnscan.mesh import (
     cut_touching,
     is_closed,
     sample_surface,
+    soundness,
 )
 from turnscan.progress import Progress
 from turnscan.shapes import deviation
 from turnscan.surface import mesh_grid
 from turnscan.surface.decimation import _collapse_kernels as kernels
-from turnscan.surface.decimation import decimate, dissolve
+from turnscan.surface.decimation import decimate, decimation_findings, dissolve
 from turnscan.surface.decimation._bucket_kernels import SIZE
 from turnscan.surface.decimation._decimate import _net
 from turnscan.surface.decimation._net_kernels import FOLLOW, HEAD, WAITS
@@ -109,6 +110,31 @@ def test_sides_of_a_thin_wall_do_not_cut_through_each_other() -> None:
     less = decimate(wall, tolerance=0.015 * size)
     assert len(less.faces) < 0.75 * len(wall.faces)
     assert not len(crossings(less))
+
+
+@pytest.mark.parametrize("faces", [200, 1000])
+def test_a_number_of_faces_that_a_thin_wall_does_not_stand_is_not_reached(faces: int) -> None:
+    """208 and 472 pairs of faces cut through each other."""
+    wall, _ = thin_wall()
+    less = decimate(wall, faces=faces)
+    assert faces < len(less.faces) < 0.75 * len(wall.faces)
+    assert not soundness(less)
+    told, warned = decimation_findings(wall, less, faces=faces)
+    assert told.message == f"{len(less.faces)} of {len(wall.faces)} faces are left"
+    assert (warned.severity, str(faces) in warned.message) == ("warning", True)
+    assert str(warned.remedy).endswith(f": decimate={len(less.faces)}"), "which every door has"
+    assert len(decimation_findings(wall, less, faces=len(less.faces))) == 1
+
+
+def test_a_tolerance_as_large_as_the_part_is_said() -> None:
+    """The middle one of its sides: neither a plate nor a rod is taken for a large part."""
+    bar = replace(cube(4), vertices=cube(4).vertices * (10.0, 1.0, 0.1))  # 100 × 10 × 1 mm
+    for tolerance in (0.5, 1.0):
+        assert len(decimation_findings(bar, bar, tolerance=tolerance)) == 1
+    for tolerance in (1.01, 500.0):
+        _, warned = decimation_findings(bar, bar, tolerance=tolerance)
+        said = f"a tolerance of {tolerance:g} mm is more than a tenth of the part, which is 10.0 mm"
+        assert (warned.severity, said in warned.message) == ("warning", True)
 
 
 def test_what_cut_through_itself_before_hides_nothing_new() -> None:

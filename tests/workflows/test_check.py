@@ -78,6 +78,12 @@ def test_what_is_no_scan_and_no_mesh(tmp_path: Path) -> None:
     with pytest.raises(FormatError) as caught:
         check(tmp_path / "a.txt")
     assert "name a scan file, or a mesh" in str(caught.value)
+    (tmp_path / "a.xyz").write_bytes(export(torus(20, 12), ".xyz"))
+    with pytest.raises(FormatError, match=r"a\.xyz: holds points, and no faces to check → name"):
+        check(tmp_path / "a.xyz")
+    (tmp_path / "a.stp").write_text("ISO-10303-21;")
+    with pytest.raises(FormatError, match=r"a\.stp: holds curved surfaces, and no faces to check"):
+        check(tmp_path / "a.stp")
     (tmp_path / "a.stl").write_text("words")
     for name in ("a.stl", "none.stl"):
         with pytest.raises(InputError):

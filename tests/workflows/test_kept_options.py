@@ -14,15 +14,19 @@ from tests.workflows.scans import write_can
 from turnscan.cli import turnscan
 from turnscan.edit import Add, ChangeSettings, action_to_json
 from turnscan.errors import FormatError, InputError, ScanNewer
+from turnscan.progress import no_progress
 from turnscan.scan import Scan
 from turnscan.workflows import (
     ReconstructOptions,
+    ScanSession,
+    check,
     compare,
     kept_names,
     kept_options,
     options_of,
     reconstruct,
 )
+from turnscan.workflows._options._declare import chosen
 
 
 @pytest.fixture(scope="module")
@@ -240,6 +244,55 @@ def test_settings_that_are_none_are_named_and_can_be_replaced(
 
 
 @pytest.mark.parametrize(
+    ("kept", "now"),
+    [
+        ({"voxel": 1.0, "merge": "grid"}, {"merge": "grid"}),
+        ({"voxel": 1.0, "merge": "tsdf"}, {"voxel": 1.0, "merge": "tsdf"}),
+        ({"spacing_by": "arc"}, {}),
+        ({"spacing_by": "arc", "spacing": 1.0}, {"spacing_by": "arc", "spacing": 1.0}),
+        ({"decimate": "0.05"}, {"decimate": "0.05mm"}),
+        ({"decimate": "0.05mm"}, {"decimate": "0.05mm"}),
+        ({"decimate": "5e2"}, {"decimate": "5e2"}),
+    ],
+)
+def test_what_earlier_versions_kept_is_read(
+    scan: Path, kept: dict[str, object], now: dict[str, object]
+) -> None:
+    with Scan.resume(scan) as writing:
+        writing.keep_settings(json.dumps({"version": 1, "sets": {"default": kept}}))
+    assert options_of(scan).changed() == now
+    with Scan.resume(scan) as writing:
+        writing.append_edit(action_to_json(Add(1, ChangeSettings(kept))), 0.0)  # type: ignore[arg-type]
+    assert options_of(scan).changed() == now
+
+
+def test_a_session_says_what_is_not_sound_about_what_it_exports(scan: Path) -> None:
+    reconstruct(scan, ReconstructOptions(decimate="100"), store=True)
+    session = ScanSession(scan, no_progress)
+    try:
+        result = session.result(session.now, no_progress)
+    finally:
+        session.close()
+    result.save(scan.with_name("can.ply"))
+    (finding,) = check(scan.with_name("can.ply")).findings
+    assert finding.code == "surface.open"
+    assert finding.code in [f.code for f in result.findings]
+
+
+def test_what_a_change_leaves_no_effect_is_not_carried_along(scan: Path) -> None:
+    options = ReconstructOptions(voxel=1.0, merge="tsdf", spacing=1.0, spacing_by="arc")
+    reconstruct(scan, options, store=True)
+    assert options_of(scan, merge="paste").changed().keys() == {"merge", "spacing", "spacing_by"}
+    assert options_of(scan, spacing=None).changed().keys() == {"merge", "voxel"}
+    closed = ReconstructOptions(close=True, fill="flat", edge=2)
+    assert chosen(ReconstructOptions, closed, {"close": False}).changed() == {"edge": 2}
+    with pytest.raises(InputError, match="voxel: no effect with merge grid"):
+        options_of(scan, merge="grid", voxel=2.0)
+    with pytest.raises(InputError, match="spacing_by: no effect without spacing"):
+        reconstruct(scan, spacing=None, spacing_by="arc")
+
+
+@pytest.mark.parametrize(
     ("changes", "says"),
     [
         ({"strategy": "guess"}, "strategy: 'guess' is not one of window"),
@@ -249,6 +302,9 @@ def test_settings_that_are_none_are_named_and_can_be_replaced(
         ({"edge": 1.5}, "edge: 1.5 is not a whole number"),
         ({"close": 1}, "close: 1 is not true or false"),
         ({"decimate": "3"}, "decimate: '3' faces are not a surface"),
+        ({"decimate": "3.0"}, "decimate: '3.0' faces are not a surface"),
+        ({"decimate": "0.05"}, "a length has its unit: 0.05mm"),
+        ({"voxel": 1.0, "merge": "paste"}, "voxel: no effect with merge paste"),
         ({"spacing_between": "5"}, "give an angle like 2deg"),
         ({"z_min": 9.0, "z_max": 3.0}, "no height between 9.0 and 3.0"),
         ({"every": None}, "every: no value"),

@@ -79,6 +79,15 @@ export function defaults(): Values {
   return Object.fromEntries(Object.entries(fields).map(([name, field]) => [name, field.default]));
 }
 
+/** Settings that have no effect beside the others: they are not shown, and refused by turnscan. */
+export function idleIn(values: Values): string[] {
+  return [
+    ...(values.close ? [] : ["fill", "top", "bottom", "largest_hole"]),
+    ...(values.merge === "grid" || values.merge === "paste" ? ["voxel"] : []),
+    ...(values.spacing === null ? ["spacing_by"] : []),
+  ];
+}
+
 /** The settings that a name in a list of choices stands for. */
 export function valuesOf(name: string): Values | null {
   if (name === IN_USE) return inUse.value;

@@ -10,6 +10,7 @@ import {
   deleteSet,
   draft,
   IN_USE,
+  idleIn,
   keepSet,
   put,
   renameSet,
@@ -38,8 +39,6 @@ interface Schema {
 }
 
 const AUTOMATIC = "automatic";
-/** Settings of a surface that is closed, and of no other. */
-const OF_CLOSING = ["fill", "top", "bottom", "largest_hole"];
 
 function words(name: string): string {
   const text = name.replaceAll("_", " ");
@@ -154,11 +153,13 @@ export function SettingsPanel() {
   const fields = useComputed(() => Object.entries((opened.value?.fields ?? {}) as unknown as Record<string, Schema>));
   const values = draft.value;
   if (!settings.value || !values) return null;
+  const idle = idleIn(values);
   const titles = [...new Set(fields.value.map(([, schema]) => schema.group ?? "Settings"))];
 
   function write(name: string, value: Value): void {
-    const idle = name === "close" && !value ? Object.fromEntries(OF_CLOSING.map((one) => [one, null])) : {};
-    put({ ...idle, [name]: value });
+    const usual = defaults();
+    const gone = idleIn({ ...values, [name]: value });
+    put({ ...Object.fromEntries(gone.map((one) => [one, usual[one]])), [name]: value });
   }
   function apply(): void {
     void doEdit({ kind: "settings", options: draft.value, name: chosenSet.value ?? "default" });
@@ -180,7 +181,7 @@ export function SettingsPanel() {
             <p class="quiet">Drag its handles, or type Radius, Z min and Z max: both do the same.</p>
           )}
           {fields.value.map(([name, schema]) =>
-            (schema.group ?? "Settings") !== group || (OF_CLOSING.includes(name) && !values.close) ? null : (
+            (schema.group ?? "Settings") !== group || idle.includes(name) ? null : (
               <div key={name} title={schema.description}>
                 <Field name={name} schema={schema} values={values} write={(value) => write(name, value)} />
                 {wrongField.value === name && (

@@ -12,7 +12,7 @@ from turnscan.app._downloads import Downloads
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._open_scan import OpenScan
 from turnscan.errors import InputError
-from turnscan.workflows import ExportOptions, check_step
+from turnscan.workflows import FormatOptions, check_step
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, request: q.ExportRequest) -> Job:
@@ -20,16 +20,13 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, request: q.Expo
 
     Raises InputError where it is impossible.
     """
-    if not request.dxf_forms:
-        raise InputError("dxf_forms: none chosen", hint="choose one or more")
-    version = request.dxf_version or ("R2010" if "mesh" in request.dxf_forms else "R12")
-    options = ExportOptions(
-        dxf_forms=tuple(dict.fromkeys(request.dxf_forms)),
-        dxf_version=version,
-        ascii=request.ascii,
-        texture=request.obj_texture,
-    )
     name, state = f"{scan.path.stem}.{request.format}", scan.now
+    options = FormatOptions(
+        dxf_forms=tuple(request.dxf_forms),
+        dxf_version=request.dxf_version,
+        ascii=request.ascii,
+        obj_texture=request.obj_texture,
+    ).export_options([Path(name)])
     check_step([Path(name)])
 
     def work(job: Job) -> Result:

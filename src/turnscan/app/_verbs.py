@@ -249,11 +249,16 @@ def _stages(given: Given) -> tuple[Progress, Progress]:
     return given.progress.subrange(0, share), given.progress.subrange(share, 1)
 
 
-def _surface(result: w.ReconstructResult, given: Given, progress: Progress) -> Outcome:
+def _formats(given: Given) -> w.ExportOptions:
+    return given.of(w.FormatOptions).export_options(given.outputs["outputs"])
+
+
+def _surface(
+    result: w.ReconstructResult, given: Given, formats: w.ExportOptions, progress: Progress
+) -> Outcome:
     """Write what became of a reconstruction; where it failed, the report alone."""
     remarks: list[Finding] = []
     if not result.failed:
-        formats = given.of(w.FormatOptions).export_options
         remarks = result.save(*given.outputs["outputs"], options=formats, progress=progress)
     for path in given.outputs["report"]:
         result.save_report(path)
@@ -264,17 +269,17 @@ def _surface(result: w.ReconstructResult, given: Given, progress: Progress) -> O
 
 
 def _range_scans(given: Given) -> Outcome:
-    _ = given.of(w.FormatOptions).export_options  # what excludes each other is said at once
+    formats = _formats(given)  # what excludes each other is said at once
     told, rest = _stages(given)
     result = w.reconstruct(
         given.path("source"), given.of(w.ReconstructOptions), edits="none",
         unit=given.of(w.RangeScanOptions).unit, progress=told,
     )  # fmt: skip
-    return _surface(result, given, rest)
+    return _surface(result, given, formats, rest)
 
 
 def _join(given: Given) -> Outcome:
-    _ = given.of(w.FormatOptions).export_options
+    formats = _formats(given)
     changes, poses = given.of(w.ReconstructOptions).changed(), given.of(w.JoinOptions)
     rig, (told, rest) = given.perhaps("rig"), _stages(given)
     result = w.join(
@@ -284,14 +289,14 @@ def _join(given: Given) -> Outcome:
         rig=None if rig is None else w.read_rig_file(rig), unit=poses.unit,
         progress=told, **changes,
     )  # fmt: skip
-    return _surface(result, given, rest)
+    return _surface(result, given, formats, rest)
 
 
 def _export(given: Given) -> Outcome:
     w.check_targets(given.outputs["outputs"], given.paths("source"))
     done = w.export(
         given.path("source"), *given.outputs["outputs"],
-        formats=given.of(w.FormatOptions).export_options,
+        formats=_formats(given),
         decimate=given.of(w.ReconstructOptions).decimate, progress=given.progress,
     )  # fmt: skip
     size = f"{len(done.mesh.vertices)} vertices, {len(done.mesh.faces)} faces"

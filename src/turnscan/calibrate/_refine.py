@@ -467,10 +467,15 @@ def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings)
         if len({(sweep.laser, sweep.pose) for sweep in sweeps}) == 1:
             # It sees each place at the same table angles in every turn.
             free[len(own) : len(own) + 2 * len(state.motion.harmonics)] = False
-        back = any(np.ptp(np.sign(np.diff(np.unwrap(sweep.angles)))) > 0 for sweep in moved)
+        back = any(_turns_back(sweep.angles) for sweep in moved)
         free[len(own) + motion.index("motion.backlash")] = back
     free[len(own) + len(motion) :] = True
     return free
+
+
+def _turns_back(angles: Floats) -> bool:
+    """Whether the table went both ways; at a single angle it went none."""
+    return len(np.unique(np.sign(np.diff(np.unwrap(angles))))) > 1
 
 
 def _simplest(

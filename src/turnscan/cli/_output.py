@@ -24,11 +24,14 @@ def report_option(about: str) -> Callable[[Command], Command]:
 
 
 def format_options(command: Command) -> Command:
-    """Give a verb the options of the file formats; it receives them as ``formats``."""
+    """Give a verb the options of the formats of its ``outputs``; it gets them as ``formats``."""
 
     @flags_of(workflows.FormatOptions, into="formats")
     @wraps(command)
-    def with_options(*args: Any, formats: workflows.FormatOptions, **others: Any) -> Any:
-        return command(*args, formats=formats.export_options, **others)
+    def with_options(
+        *args: Any, formats: workflows.FormatOptions, outputs: tuple[Path, ...], **others: Any
+    ) -> Any:
+        chosen = formats.export_options(outputs)
+        return command(*args, formats=chosen, outputs=outputs, **others)
 
     return with_options  # type: ignore[return-value]

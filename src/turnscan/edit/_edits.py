@@ -320,6 +320,7 @@ _TYPED = {
 }
 """What a person can do wrong in a field of an edit, by pydantic's word for it."""
 _HINT = "docs/reference/edits.md lists the edits and their keys"
+_LIKE = f'give an edit like {{"kind": "decimate", "faces": 20000}}; {_HINT}'
 
 
 def needs_rebuild(edit: Edit) -> bool:
@@ -358,9 +359,12 @@ def edit_from_value(value: Mapping[str, Any], source: str = "edit") -> Edit:
 
 def edit_from_json(text: str, source: str = "edit") -> Edit:
     """An edit from JSON text. Raises FormatError naming the key, LimitExceeded."""
-    body = strict_json(text, source)
+    try:
+        body = strict_json(text, source)
+    except FormatError as e:
+        raise FormatError(e.message, hint=_LIKE) from None
     if not isinstance(body, dict):
-        raise FormatError(f"{source}: not an object", hint=_HINT)
+        raise FormatError(f"{source}: not an object", hint=_LIKE)
     return edit_from_value(body, source)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TypeVar
@@ -58,8 +58,10 @@ EXPORTERS = MappingProxyType(
 """The formats, by suffix in lower case."""
 
 
-def exporter_for(suffix: str) -> Exporter:
+def exporter_for(suffix: str, *, beside: Sequence[str] = ()) -> Exporter:
     """Return the format of a suffix such as ``.dxf``, in any case: ours, or an installed one.
+
+    ``beside`` are suffixes that an error names with them, as they may be used, too.
 
     Raises InputError where there is none, PluginError where an installed one cannot be loaded.
     """
@@ -69,7 +71,7 @@ def exporter_for(suffix: str) -> Exporter:
     plugin = find_plugin(GROUP, suffix.lower().removeprefix("."))
     if plugin is not None:
         return _contained(plugin, suffix.lower())
-    known = ", ".join([*EXPORTERS, *(f".{name}" for name in plugin_names(GROUP))])
+    known = ", ".join([*EXPORTERS, *beside, *(f".{name}" for name in plugin_names(GROUP))])
     raise InputError(f"files ending {suffix!r} are not known", hint=f"use one of {known}")
 
 

@@ -30,6 +30,8 @@ _SHARES = (0.25, 0.25, 0.25, 0.5, 1.0, 1.0)
 space that two such faces share."""
 _NEAREST = 4
 """Vertices that are held there at least."""
+_COARSE = 0.1
+"""Share of what a part is across, above which a tolerance is worth a word."""
 
 
 def decimate(
@@ -50,9 +52,9 @@ def decimate(
 
     With a tolerance no place of either surface lies further than that from the other one, and no
     border vertex from the new border: both are compared at vertices, sides and insides of faces,
-    which are held to two thirds of it. Where ``faces`` cannot be reached more are left. With a
-    tolerance vertices stay where faces would cut through each other that did not before, as far as
-    that helps: of walls much thinner than the tolerance little is taken.
+    which are held to two thirds of it. Vertices stay where faces would cut through each other that
+    did not before, as far as that helps: of walls much thinner than the tolerance little is taken.
+    So more than ``faces`` may be left.
     ``progress`` hears now and then how much of it is done.
 
     Raises InputError where neither is given, or one is not positive.
@@ -69,17 +71,16 @@ def decimate(
     if len(mesh.faces) <= (faces or 0):
         return mesh
     held = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    if tolerance is None:  # so many faces are wanted, whatever becomes of the surface
-        return _coarser(mesh, np.inf, faces or 0, held, progress)
     best, fewest, own = mesh, np.inf, None
     for share in _SHARES:
-        done = _coarser(mesh, tolerance, faces or 0, held, progress)
+        done = _coarser(mesh, tolerance or np.inf, faces or 0, held, progress)
         # The share that was heard of is not taken back.
         progress = progress.subrange(1, 1)
         cuts = _cuts(done)
         if len(cuts[0]) and own is None:
             own = _cuts(mesh)
-        cuts = cuts if own is None else _new(cuts, own, tolerance)
+        # Without a tolerance nobody knows how far those from before may have gone.
+        cuts = cuts if own is None else _new(cuts, own, tolerance or 0.0)
         if len(cuts[0]) < fewest:
             best, fewest = done, len(cuts[0])
         about = _around(mesh.vertices, cuts, share)
@@ -238,15 +239,34 @@ def _collapse(net: Any, wanted: int, progress: Progress) -> None:
         left = kernels.collapse(net, ends, state, left, wanted, _AT_A_TIME)
 
 
-def decimation_findings(before: Mesh, after: Mesh, wanted: int | None) -> list[Finding]:
-    """How many faces are left, and that ``wanted`` was not reached."""
-    text = f"{len(after.faces)} of {len(before.faces)} faces are left"
+def decimation_findings(
+    before: Mesh, after: Mesh, *, tolerance: float | None = None, faces: int | None = None
+) -> list[Finding]:
+    """How many faces are left, that ``faces`` were not reached, and that the ``tolerance`` (mm) is
+    no small part of the whole; both as they were asked of `decimate`."""
+    left = len(after.faces)
+    text = f"{left} of {len(before.faces)} faces are left"
     out = [Finding("surface.decimated", "note", text)]
-    if wanted is not None and len(after.faces) > wanted:
-        text = f"{wanted} faces cannot be reached: further decimation would break the surface"
-        remedy = Remedy("close it first with ", Option("close"))
+    if faces is not None and left > faces:
+        text = f"{faces} faces cannot be reached: further decimation would break the surface"
+        # Made for as many as can be, the surface keeps more of its form.
+        remedy = Remedy("ask for as many as are left: ", Option("decimate", str(left)))
+        out.append(Finding("surface.decimated", "warning", text, "", remedy))
+    across = _across(before)
+    if tolerance is not None and tolerance > _COARSE * across:
+        text = (
+            f"a tolerance of {tolerance:g} mm is more than a tenth of the part, which is "
+            f"{across:.1f} mm across: much of its form is lost"
+        )
+        remedy = Remedy("give a smaller one, like ", Option("decimate", "0.05mm"))
         out.append(Finding("surface.decimated", "warning", text, "", remedy))
     return out
+
+
+def _across(mesh: Mesh) -> float:
+    """mm: the middle one of a part's three sides: of a plate its width, of a rod its thickness."""
+    used = mesh.vertices[np.unique(mesh.faces)]
+    return float(np.sort(np.ptp(used, axis=0))[1]) if len(used) else np.inf
 
 
 def _chain(mesh: Mesh, border: Bools) -> Ints:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from turnscan.errors import FormatError, InputError
-from turnscan.formats import exporter_for
 from turnscan.workflows._files._kept_options import DEFAULT_SET, check_name
 from turnscan.workflows._options._declare import Checked, chosen
 from turnscan.workflows._options._import import (
@@ -24,7 +23,7 @@ from turnscan.workflows._options._import import (
     parse_angles,
 )
 from turnscan.workflows._options._reconstruct import ReconstructOptions
-from turnscan.workflows._options._units import UNITS, check_step, is_step
+from turnscan.workflows._options._units import UNITS, check_suffixes
 
 Options = TypeVar("Options", bound=Checked)
 
@@ -186,11 +185,8 @@ class _Reader:
             raise self._wrong(f'output.formats {given!r} is not a list like ["dxf", "stl"]')
         names = tuple(dict.fromkeys(one.lower().removeprefix(".") for one in given))
         for name in names:
-            file = Path(f"part.{name}")
             try:
-                if not is_step(file):
-                    exporter_for(file.suffix)
-                check_step([file])
+                check_suffixes([Path(f"part.{name}")])
             except InputError as e:
                 raise self._wrong(f"output.formats: {e.problem}", str(e.hint)) from None
         return names

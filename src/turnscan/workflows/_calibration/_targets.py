@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from turnscan.formats import exporter_for
 from turnscan.workflows._files._writing import check_apart, check_output
 from turnscan.workflows._importing._range_scans import placed_scans
-from turnscan.workflows._options._units import check_step, is_step
+from turnscan.workflows._options._units import check_suffixes
 
 
 def check_targets(
@@ -28,10 +27,8 @@ def check_targets(
         if path.suffix.lower() == ".conf" and path.is_file():
             read += placed_scans(path, unit)
     check_apart([*outputs, *reports])
+    check_suffixes(outputs)
     for path in outputs:
-        if not is_step(path):
-            exporter_for(path.suffix)
         check_output(path, inputs=read)
-    check_step(outputs)
     for report in reports:
         check_output(report, (".html", ".json"), read)

@@ -10,6 +10,7 @@ import os
 import stat
 import time
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
@@ -33,7 +34,7 @@ from turnscan.json_text import strict_json
 from turnscan.scan import Scan
 from turnscan.workflows._files._history import history_of
 from turnscan.workflows._options._declare import chosen, declared
-from turnscan.workflows._options._reconstruct import ReconstructOptions
+from turnscan.workflows._options._reconstruct import ReconstructOptions, idle_options
 
 DEFAULT_SET = "default"
 """Name of the set that is opened with the scan."""
@@ -41,6 +42,8 @@ OWN_SETTINGS = "own"
 """What the settings of a scan are called where ``default`` are those of turnscan."""
 _LONGEST_NAME = 80
 _VERSION = 1
+_ONCE_IDLE = ("voxel", "spacing_by")
+"""Options that earlier versions kept where they had no effect."""
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -74,9 +77,21 @@ def _options_from(held: Any, where: str) -> ReconstructOptions:
     if set(held) - set(declared(ReconstructOptions)):
         raise _newer(where)
     try:
-        return ReconstructOptions(**held)
+        return ReconstructOptions(**_as_now(held))
     except InputError as e:
         raise FormatError(f"{where}: {e.message}", hint="choose them again") from None
+
+
+def _as_now(held: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as earlier versions kept them, too: with some that had no effect, and with
+    tolerances without a unit."""
+    idle = idle_options(held)
+    out = {name: v for name, v in held.items() if name not in idle or name not in _ONCE_IDLE}
+    fewer = out.get("decimate")
+    if isinstance(fewer, str):
+        with suppress(ValueError):  # it has a unit, or is none
+            out["decimate"] = fewer if float(fewer).is_integer() else f"{fewer}mm"
+    return out
 
 
 def kept_names(scan: Scan, edits: Iterable[Entry] | None = None) -> list[str]:

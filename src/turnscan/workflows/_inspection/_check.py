@@ -17,8 +17,14 @@ from turnscan.rig import rig_hash
 from turnscan.scan import Scan, ScanPlan
 from turnscan.workflows._files._history import history_of
 from turnscan.workflows._inspection._check_mesh import CheckedMesh, check_mesh
+from turnscan.workflows._options._units import IGES_SUFFIXES, STEP_SUFFIXES
 
 _MESHES = (".stl", ".ply", ".obj", ".3mf", ".glb", ".dxf")
+_WITHOUT_FACES = {
+    ".xyz": "points",
+    **dict.fromkeys((*STEP_SUFFIXES, *IGES_SUFFIXES), "curved surfaces"),
+}
+"""What is in files that turnscan writes, but does not check."""
 _OF_PLAN = (
     "width", "height", "dtype", "channels", "weights", "keep", "threshold", "orientation",
     "steps", "source",
@@ -173,8 +179,11 @@ def _opened(file: Path) -> Scan:
     try:
         return Scan.open(file)
     except FormatError as e:
-        known = ", ".join(_MESHES)
-        raise FormatError(e.message, hint=f"name a scan file, or a mesh ({known})") from None
+        hint = f"name a scan file, or a mesh ({', '.join(_MESHES)})"
+        holds = _WITHOUT_FACES.get(file.suffix.lower())
+        if holds is None:
+            raise FormatError(e.message, hint=hint) from None
+        raise FormatError(f"{file}: holds {holds}, and no faces to check", hint=hint) from None
 
 
 def _damage(scan: Scan, progress: Progress) -> list[Finding]:

@@ -149,6 +149,10 @@ class Checked:
             if getattr(self, name) != option.default
         }
 
+    def carried(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """The options by name that stay where others are changed."""
+        return {name: getattr(self, name) for name in declared(self) if name not in changes}
+
 
 Options = TypeVar("Options", bound=Checked)
 
@@ -165,5 +169,5 @@ def chosen(kind: type[Options], options: Options | None, changes: Mapping[str, A
             near = get_close_matches(name, there, 1)
             hint = f"it is called {near[0]}" if near else f"there is {', '.join(there)}"
             raise InputError(f"no option {name!r}", hint=hint)
-    old = {} if options is None else {name: getattr(options, name) for name in there}
+    old = {} if options is None else options.carried(changes)
     return kind(**{**old, **changes})

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from turnscan.errors import InputError
 from turnscan.remedy import Option, Remedy
@@ -33,19 +34,22 @@ class Decimation:
 
 
 def decimation(text: str) -> Decimation:
-    """``0.05mm`` is a tolerance, ``100000`` a number of faces. Raises ValueError."""
+    """``0.05mm`` is a tolerance, ``100000`` or ``1e5`` a number of faces. Raises ValueError."""
     told = text.strip().lower()
-    if told.isdecimal():
-        if int(told) < 4:
-            raise ValueError(f"{text!r} faces are not a surface; a tolerance ends in mm.")
-        return Decimation(faces=int(told))
+    in_mm = told.endswith("mm")
     try:
-        tolerance = float(told.removesuffix("mm").strip())
+        size = float(told.removesuffix("mm"))
     except ValueError:
-        tolerance = math.nan
-    if not (tolerance > 0 and math.isfinite(tolerance)):
+        size = math.nan
+    if not math.isfinite(size) or (in_mm and size <= 0):
         raise ValueError(f"{text!r}: give a length like 0.05mm or a number of faces.")
-    return Decimation(tolerance=tolerance)
+    if in_mm:
+        return Decimation(tolerance=size)
+    if not size.is_integer():
+        raise ValueError(f"{text!r} is no number of faces; a length has its unit: {told}mm.")
+    if size < 4:
+        raise ValueError(f"{text!r} faces are not a surface; a tolerance ends in mm.")
+    return Decimation(faces=int(size))
 
 
 def _spacing(text: str) -> tuple[float, Literal["rad", "mm"]]:
@@ -76,6 +80,25 @@ def _detectors() -> tuple[str, ...]:
     from turnscan.stripes import detector_names
 
     return detector_names()
+
+
+_OF_CLOSING = ("fill", "top", "bottom", "largest_hole")
+
+
+def idle_options(held: Mapping[str, Any]) -> dict[str, tuple[str, Remedy]]:
+    """Which of these options (those left out are at their default) have no effect: for want of
+    what, and what to do."""
+    out = dict[str, tuple[str, Remedy]]()
+    if not held.get("close"):
+        lack = ("without close", Remedy("add ", Option("close")))
+        out |= dict.fromkeys((name for name in _OF_CLOSING if held.get(name)), lack)
+    merge = held.get("merge")
+    if held.get("voxel") is not None and merge in ("grid", "paste"):
+        instead = Remedy("leave it out, or give ", Option("merge", "tsdf"))
+        out["voxel"] = (f"with merge {merge}, which has no voxels", instead)
+    if held.get("spacing_by", "height") != "height" and held.get("spacing") is None:
+        out["spacing_by"] = ("without spacing", Remedy("add ", Option("spacing")))
+    return out
 
 
 @dataclass(frozen=True)
@@ -247,14 +270,22 @@ class ReconstructOptions(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        idle = [n for n in ("fill", "top", "bottom", "largest_hole") if getattr(self, n)]
-        if idle and not self.close:
-            raise InputError(f"{', '.join(idle)}: no effect without close", hint="add close")
+        idle = idle_options(self.changed())
+        if idle:
+            lack, remedy = next(iter(idle.values()))
+            names = ", ".join(name for name, why in idle.items() if why == (lack, remedy))
+            raise InputError(f"{names}: no effect {lack}", hint=remedy)
         if self.z_min is not None and self.z_max is not None and self.z_max <= self.z_min:
             raise InputError(
                 f"no height between {self.z_min} and {self.z_max} mm",
                 hint=_BELOW,
             )
+
+    def carried(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """As of any options, without those that the changes leave no effect."""
+        held = super().carried(changes)
+        idle = idle_options({**held, **changes})
+        return {name: value for name, value in held.items() if name not in idle}
 
     @property
     def caps(self) -> ClosingOptions | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
@@ -36,3 +36,13 @@ def check_step(paths: Iterable[Path]) -> bool:
 
         check_opencascade()
     return wanted
+
+
+def check_suffixes(paths: Sequence[Path]) -> bool:
+    """As `check_step`, for files that hold a surface: InputError for an unknown suffix, too."""
+    from turnscan.formats import exporter_for
+
+    for path in paths:
+        if not is_step(path):
+            exporter_for(path.suffix, beside=STEP_SUFFIXES[:1])
+    return check_step(paths)

@@ -76,7 +76,10 @@ def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
             first, last = _numbers(rule, value.split("-"), 2)
             return edit.by_steps(mesh, int(first), int(last))
         case "sigma":
-            return edit.by_sigma(mesh, _numbers(rule, [value], 1)[0])
+            [above] = _numbers(rule, [value], 1)
+            if above <= 0:  # every face is known worse than that
+                raise _odd(rule, "mm above 0")
+            return edit.by_sigma(mesh, above)
         case "flag":
             names = [name for name in StripeFlag.__members__ if name != "OK"]
             if value.upper() not in names:

@@ -193,6 +193,8 @@ class ScanSession:
         opened = edit.Compact.of(state.document.body).mesh
         mesh, found = finished(opened, s, progress)
         whole = settled(mesh)
+        if mesh is not opened:
+            found += mesh_findings(whole, 0, 0, closed=s.caps is not None)
         shown = whole
         if not state.options.no_colour:
             shown, said = coloured(whole, [TextureSource(self.scan, self._rig)], progress)

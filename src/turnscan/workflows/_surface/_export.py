@@ -9,12 +9,13 @@ from pathlib import Path
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.formats import ExportOptions
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, soundness
 from turnscan.progress import Progress, no_progress
 from turnscan.surface import decimation as thinning
+from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
 from turnscan.workflows._options._reconstruct import decimation
-from turnscan.workflows._options._units import check_step
+from turnscan.workflows._options._units import check_suffixes
 from turnscan.workflows._surface._loading import Source, load
 from turnscan.workflows._surface._saving import save
 
@@ -26,7 +27,7 @@ class Exported:
     mesh: Mesh
     """The surface as it is in the files."""
     findings: tuple[Finding, ...]
-    """Of the reconstruction and of decimating."""
+    """Of the reconstruction and of decimating, and what is not sound about the surface."""
     remarks: tuple[Finding, ...]
     """Of reading the files back."""
 
@@ -77,7 +78,7 @@ def export(
     if "profiles" in chosen.dxf_forms:
         raise InputError("a mesh file holds no profiles", hint="reconstruct the scan with them")
     files = list(map(Path, paths))
-    most = 0.3 if check_step(files) else 0.7
+    most = 0.3 if check_suffixes(files) else 0.7
     loaded = load(source, progress=progress.subrange(0, most))
     findings = list(loaded.findings)
     mesh = loaded.mesh
@@ -85,8 +86,15 @@ def export(
         fewer, dense = decimation(decimate), mesh
         told = progress.subrange(most, most + 0.3, "decimating")
         mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, progress=told)
-        findings += thinning.decimation_findings(dense, mesh, fewer.faces)
-    loaded = loaded.with_mesh(settled(mesh))
+        findings += thinning.decimation_findings(
+            dense, mesh, tolerance=fewer.tolerance, faces=fewer.faces
+        )
+    read, loaded = loaded, loaded.with_mesh(settled(mesh))
+    if len(mesh.faces) and not (read.reconstructed and mesh is read.mesh):
+        # What was said of a scan's surface was said of it as it was before.
+        before = soundness(read.mesh) if read.reconstructed else []
+        findings = [f for f in findings if f not in before and f.code != "surface.open"]
+        findings += mesh_findings(loaded.mesh, 0, 0, closed=True)
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
     told = progress.subrange(most + 0.3, 1)
     remarks = save(

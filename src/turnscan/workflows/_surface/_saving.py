@@ -16,7 +16,7 @@ from turnscan.mesh import Mesh, PointCloud
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Source
 from turnscan.workflows._files._writing import check_writable, write_atomically
-from turnscan.workflows._options._units import STEP_SUFFIXES, is_step
+from turnscan.workflows._options._units import STEP_SUFFIXES, check_suffixes, is_step
 from turnscan.workflows._solids._loaded import Loaded
 
 _NAME = re.compile(r"\S+")
@@ -66,6 +66,7 @@ def save(
     []
     """
     options = options or ExportOptions()
+    check_suffixes(list(results))
     ready: dict[Path, bytes] = {}
     remarks: list[Finding] = []
     made: dict[tuple[int, str], tuple[bytes, list[Finding]]] = {}
