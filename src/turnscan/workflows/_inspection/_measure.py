@@ -21,16 +21,17 @@ from turnscan.shapes import (
     find_planes,
     fit_cylinder,
     fit_sphere,
-    measured_points,
     plane_angles,
     volume_figures,
     volume_in_words,
     volume_sigma,
 )
+from turnscan.shapes.primitives import fit_whole
 from turnscan.workflows._inspection._dimension_report import dimension_table, write_dimensions
 from turnscan.workflows._inspection._shapes import FoundShapes, find_shapes, in_words
 from turnscan.workflows._options._declare import chosen
 from turnscan.workflows._options._measure import MeasureOptions
+from turnscan.workflows._solids._loaded import Loaded
 from turnscan.workflows._solids._shapes_table import Dimension
 from turnscan.workflows._surface._loading import Source, load
 from turnscan.workflows._surface._reconstruct import reconstruct
@@ -142,13 +143,15 @@ def measure(
     if wanted.planes:
         if not len(mesh.faces):
             raise InputError(f"{loaded.name}: no faces", hint="planar faces are found on a mesh")
-        regions = find_planes(mesh, tolerance=wanted.tolerance, smallest=wanted.smallest)
+        regions = find_planes(
+            mesh, tolerance=wanted.tolerance, smallest=wanted.smallest, moves=loaded.moves
+        )
         result["planes"] = [_plane(r) for r in regions]
         result["angles"] = [_angle(a) for a in plane_angles(regions)]
     if wanted.sphere:
-        result["sphere"] = _sphere(mesh)
+        result["sphere"] = _sphere(loaded)
     if wanted.cylinder:
-        result["cylinder"] = _cylinder(mesh)
+        result["cylinder"] = _cylinder(loaded)
     if not wanted.every_size or not (wanted.sizes or len(mesh.faces)):
         return Measured(result, loaded.findings)
     found = find_shapes(source)
@@ -231,8 +234,8 @@ def _angle(a: PlaneAngle) -> dict[str, Any]:
     }
 
 
-def _sphere(mesh: Mesh) -> dict[str, Any]:
-    s = fit_sphere(*measured_points(mesh))
+def _sphere(of: Loaded) -> dict[str, Any]:
+    s = fit_whole(fit_sphere, of.mesh, of.moves)
     sigma = np.sqrt(np.diag(s.covariance))
     return {
         "points": s.count,
@@ -244,8 +247,8 @@ def _sphere(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _cylinder(mesh: Mesh) -> dict[str, Any]:
-    c = fit_cylinder(*measured_points(mesh))
+def _cylinder(of: Loaded) -> dict[str, Any]:
+    c = fit_whole(fit_cylinder, of.mesh, of.moves)
     sigma = np.sqrt(np.diag(c.covariance))
     return {
         "points": c.count,
