@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _ROUNDS = 8
 _LEAST = 12
 """Vertices that a plane must have at the least."""
+_ROWS = 2.5
+"""Rows of vertices side by side that tell a plane from two profiles."""
 _PARALLEL = 0.05
 """Sine of an angle below which noise may turn the edge of two planes anywhere."""
 _NOISES = 3.0
@@ -79,8 +81,8 @@ def find_planes(
     ``tolerance`` None takes three times the noise that neighbours show, without what the surface
     does between them. ``smallest`` is the least area of a side, as a part of the whole surface.
     Points further than ``tolerance`` from the final plane are left out of its fit; rms is over the
-    points kept. A region that bends as far as ``tolerance`` lets it grow is none: such strips lie on
-    every cylinder.
+    points kept. A region that bends as far as ``tolerance`` lets it grow is none, for such strips
+    lie on every cylinder; nor is one of two rows of vertices, which lie in a plane anyhow.
 
     Vertices that were not measured belong to no side; points weigh 1/sigma² where all know theirs.
     ``moves`` are (v, 3) mm each: how all vertices move with one standard deviation of each common
@@ -90,6 +92,8 @@ def find_planes(
     """
     from turnscan.shapes.primitives._ground import measured_part, prepared
     from turnscan.shapes.primitives._ground import sigma_of as usual_sigma_of
+    from turnscan.shapes.primitives._judged import rows
+    from turnscan.shapes.primitives._surface_kernels import PLANE
 
     part, back = measured_part(mesh)
     ground = prepared(part, usual_sigma_of(part), None)
@@ -98,6 +102,7 @@ def find_planes(
     return [
         _known(ground, r, back, len(mesh.vertices), own)
         for r in _find(part, limit, turn, smallest, most)
+        if rows(ground, PLANE, np.zeros(10), np.flatnonzero(r.inliers)) >= _ROWS
     ]
 
 
