@@ -30,8 +30,8 @@ def verb(
 
     A scan is reconstructed with its own settings. Only what was measured is fitted, no vertex of a
     filling, as far as the file tells them apart (an STL does not); points weigh 1/sigma² where the
-    file knows their sigma (PLY, scan). Uncertainties follow from the scatter of the points about
-    the fit; what a wrong calibration does to all points alike is not in them.
+    file knows their sigma (PLY, scan). Uncertainties follow from the points' sigma or scatter, more
+    where neighbours or whole stripes are off together; of a scan its calibration counts, too.
     """
     workflows.check_apart(reports)
     for report in reports:

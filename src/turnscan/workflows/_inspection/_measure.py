@@ -102,8 +102,9 @@ def measure(
     """Measure a surface: its volume, and every size or the shapes that the options ask for.
 
     Only what was measured is fitted, no vertex of a filling, as far as the source tells them apart;
-    points weigh 1/sigma² where their sigma is known. Uncertainties follow from the scatter of the
-    points about the fit; what a wrong calibration does to all points alike is not in them.
+    points weigh 1/sigma² where their sigma is known. Uncertainties follow from the points' sigma or
+    scatter, more where neighbours or whole stripes are off together; of a scan its calibration
+    counts, too.
 
     Parameters
     ----------
