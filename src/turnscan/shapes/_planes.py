@@ -82,7 +82,7 @@ def find_planes(
     does between them. ``smallest`` is the least area of a side, as a part of the whole surface.
     Points further than ``tolerance`` from the final plane are left out of its fit; rms is over the
     points kept. A region that bends as far as ``tolerance`` lets it grow is none, for such strips
-    lie on every cylinder; nor is one of two rows of vertices, which lie in a plane anyhow.
+    lie on every cylinder; nor is one of two rows of vertices, through which a plane always goes.
 
     Vertices that were not measured belong to no side; points weigh 1/sigma² where all know theirs.
     ``moves`` are (v, 3) mm each: how all vertices move with one standard deviation of each common
