@@ -56,7 +56,7 @@ from turnscan.shapes.primitives import (
     sizes_between,
 )
 from turnscan.shapes.primitives import _surface_kernels as surface
-from turnscan.shapes.primitives._find import sigma_of
+from turnscan.shapes.primitives._ground import sigma_of
 from turnscan.shapes.primitives._shapes import KINDS
 from turnscan.shapes.primitives._surface_kernels import FREE
 from turnscan.simulate import Bench, Part, SimulationSpec

@@ -37,8 +37,7 @@ from turnscan.formats import export
 from turnscan.mesh import Mesh, is_closed
 from turnscan.progress import no_progress
 from turnscan.shapes import deviation
-from turnscan.shapes.primitives._find import sigma_of
-from turnscan.shapes.primitives._ground import Ground, prepared
+from turnscan.shapes.primitives._ground import Ground, prepared, sigma_of
 from turnscan.shapes.primitives._judged import LEAST, SPAN, poor, spanned
 from turnscan.shapes.primitives._shapes import KINDS
 from turnscan.simulate import Bench, SimulationSpec

@@ -38,7 +38,7 @@ def closed():
 
 
 def test_added_vertices_are_not_fitted_and_sigma_weighs(closed):
-    points, sigma, _ = measured_points(closed)
+    points, sigma = measured_points(closed)
     assert len(points) == 60 * 30
     fit = fit_cylinder(points, sigma)
     off = abs(fit.radius - RADIUS)

@@ -30,9 +30,9 @@ def verb(
 
     A scan is reconstructed with its own settings. Only what was measured is fitted, no vertex of a
     filling, as far as the file tells them apart (an STL does not); points weigh 1/sigma² where the
-    file knows their sigma (PLY, scan). Uncertainties follow from the scatter of the points about
-    the fit; those of the sizes of a scan also hold what light and rig do to all points alike, which
-    a mesh does not know.
+    file knows their sigma (PLY, scan). Uncertainties follow from the points' sigma or scatter, more
+    where neighbours or whole stripes are off together; of a scan also from what light and rig do to
+    all points alike, which a mesh does not know.
     """
     workflows.check_apart(reports)
     for report in reports:

@@ -23,8 +23,8 @@ class Plane:
     rms: float
     """mm, root mean square distance of the points."""
     covariance: Floats
-    """(3, 3): tilt about the two principal directions of the points (radians), shift along the
-    normal at the centre (mm); from the points' scatter."""
+    """(3, 3): tilt in its two principal directions (radians), shift along the normal at the
+    centre (mm)."""
     count: int
     """Points used."""
 

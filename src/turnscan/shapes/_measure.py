@@ -307,16 +307,15 @@ def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None, float]:
     return mesh.vertices[used], sigma_of(mesh, used), mesh.area_of(known)
 
 
-def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None, float]:
-    """(n, 3) mm: the vertices that were measured, their sigma (n,) mm where all have one, and the
-    mm² of the measured faces.
+def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None]:
+    """(n, 3) mm: the vertices that were measured, and their sigma (n,) mm where all have one.
 
     Raises InputError where there are none.
     """
     used = np.flatnonzero(measured_vertices(mesh))
     if not len(used):
         raise InputError("none of it was measured", hint="select measured faces, not fillings")
-    return mesh.vertices[used], sigma_of(mesh, used), mesh.area_of(mesh.measured)
+    return mesh.vertices[used], sigma_of(mesh, used)
 
 
 def sigma_of(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Longs
+from turnscan.arrays import Floats, Longs
 from turnscan.mesh import Mesh
 
 
@@ -51,3 +51,16 @@ def stripes_of(mesh: Mesh) -> Stripes | None:
         number[own] = first[-1] + steps // max(int(np.gcd.reduce(steps)), 1)
         first.append(int(number[own].max()) + 1)
     return Stripes(number, np.array(first, dtype=np.int64))
+
+
+def doubt_along(stripe: Longs, residual: Floats, sigma: Floats, usual: float) -> Floats:
+    """(n,) mm: by how much an edge may have moved each point together with its ``stripe`` (n,).
+
+    Where points are known worse than ``usual`` (mm), and scatter less along their stripe than that,
+    an edge may have bent the stripe: this moves its points alike, however many they are.
+    """
+    count = np.maximum(np.bincount(stripe), 1)
+    mean = np.bincount(stripe, residual) / count
+    scatter = np.bincount(stripe, (residual - mean[stripe]) ** 2) / count
+    noise = np.maximum(scatter, usual**2)[stripe]
+    return np.asarray(np.sqrt(np.maximum(sigma**2 - noise, 0.0)))

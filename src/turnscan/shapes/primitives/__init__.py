@@ -1,5 +1,6 @@
 """Planes, spheres, cylinders, cones and tori in a mesh, with uncertainty and relations."""
 
+from turnscan.shapes.primitives._budget import fit_whole
 from turnscan.shapes.primitives._caps import filled_planes
 from turnscan.shapes.primitives._edges import Edge, EdgeForm, find_edges, normals_and_distances
 from turnscan.shapes.primitives._find import find_shapes
@@ -25,6 +26,7 @@ __all__ = [
     "filled_planes",
     "find_edges",
     "find_shapes",
+    "fit_whole",
     "form_errors",
     "neighbours_of",
     "normals_and_distances",

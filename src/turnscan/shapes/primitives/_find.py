@@ -7,18 +7,17 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.errors import InputError
-from turnscan.mesh import Mesh, measured_vertices, submesh
+from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import _region_kernels as region
 from turnscan.shapes.primitives import _surface_kernels as surface
-from turnscan.shapes.primitives._ground import Ground, Index, prepared
-from turnscan.shapes.primitives._judged import LEAST, WAVY, bent, cells, close, poor, waves, wide
+from turnscan.shapes.primitives._budget import Budget
+from turnscan.shapes.primitives._ground import Ground, Index, measured_part, prepared, sigma_of
+from turnscan.shapes.primitives._judged import LEAST, WAVY, bent, close, poor, waves, wide
 from turnscan.shapes.primitives._region import Region, refit
 from turnscan.shapes.primitives._regions import continued, grow_regions, merged
 from turnscan.shapes.primitives._relations import adopt
 from turnscan.shapes.primitives._shapes import KINDS, Shape, ShapeSet
 from turnscan.shapes.primitives._surface_kernels import CYLINDER, FREE, PLANE, SPHERE
-from turnscan.shapes.verification._statistics import clumping
 
 _MOST_POINTS = 40_000
 _STEPS = 30
@@ -65,16 +64,7 @@ def find_shapes(
 
     Raises InputError for a mesh without measured faces.
     """
-    if not len(mesh.faces):
-        raise InputError("the mesh has no faces", hint="give a surface, not a cloud of points")
-    known = measured_vertices(mesh)
-    whole = np.asarray(known[mesh.faces].all(axis=1), dtype=np.bool_)
-    if not whole.any():
-        raise InputError("no face was measured", hint="give a mesh with measured faces")
-    inside = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    inside[mesh.faces[whole]] = True
-    part = mesh if whole.all() and inside.all() else submesh(mesh, whole)
-    back = np.flatnonzero(inside)
+    part, back = measured_part(mesh)
     ground = prepared(part, sigma_of(part), tolerance)
     total = float(ground.area.sum())
     found = merged(ground, grow_regions(ground, smallest * total, most))
@@ -82,17 +72,6 @@ def find_shapes(
     found, label = _kept(ground, found)
     fields = [np.asarray(m)[back] for m in moves]
     return _finished(ground, found, label, fields, relations, back, len(mesh.vertices))
-
-
-def sigma_of(mesh: Mesh) -> Floats | None:
-    """(v,) mm, the median where a vertex does not know its own; None where none does."""
-    if mesh.provenance is None:
-        return None
-    sigma = mesh.provenance.sigma
-    good = np.isfinite(sigma) & (sigma > 0)
-    if not good.any():
-        return None
-    return np.where(good, sigma, float(np.median(sigma[good])))
 
 
 def _kept(g: Ground, found: list[Region]) -> tuple[list[Region], Index]:
@@ -184,7 +163,7 @@ def _tangent(g: Ground, found: list[Region], label: Index, k: int) -> Bools:
 
 
 class _Fit:
-    """A shape with its points, and the normal equations of its parameters."""
+    """A shape with its points, and what is known of its parameters."""
 
     def __init__(self, g: Ground, r: Region, own: Bools, core: Bools) -> None:
         self.region, self.own = r, own
@@ -200,35 +179,10 @@ class _Fit:
         points, scale = g.vertices[self.used], g.scale[self.used]
         d, J = surface.jacobian(r.kind, self.q, points)
         kept = np.abs(d) <= 4.0 * np.maximum(scale, 0.0)
-        self.residual, self.J = d[kept], J[kept][:, self.free]
-        self.used, self.weight = self.used[kept], 1.0 / scale[kept] ** 2
-        N = (self.J * self.weight[:, None]).T @ self.J
-        self.inverse = _inverse(N)
-        count = max(len(self.residual) - len(self.free), 1)
-        unit = max(1.0, float((self.weight * self.residual**2).sum()) / count)
-        where = cells(g, self.used, g.together)
-        unit *= clumping(self.residual * np.sqrt(self.weight), where, len(self.free))
+        self.used = self.used[kept]
+        self.budget = Budget(g, self.used, d[kept], J[kept][:, self.free])
         self.covariance = np.zeros((7, 7))
-        self.covariance[np.ix_(self.free, self.free)] = self.inverse * unit + self._bent(g)
-
-    def _bent(self, g: Ground) -> Floats:
-        """(k, k) what stripes do that are known worse than usual: each is off as a whole.
-
-        Where points are known worse than usual, and scatter less along their stripe than that, an
-        edge may have bent the stripe: this moves its points alike, however many they are.
-        """
-        if g.stripe is None:
-            return np.zeros((len(self.free), len(self.free)))
-        stripe = np.unique(g.stripe[self.used], return_inverse=True)[1]
-        count = np.maximum(np.bincount(stripe), 1)
-        mean = np.bincount(stripe, self.residual) / count
-        scatter = np.bincount(stripe, (self.residual - mean[stripe]) ** 2) / count
-        noise = np.maximum(scatter, g.usual**2)[stripe]
-        off = np.sqrt(np.maximum(g.scale[self.used] ** 2 - noise, 0.0))
-        pull = np.zeros((len(count), len(self.free)))
-        np.add.at(pull, stripe, self.J * (self.weight * off)[:, None])
-        moves = pull @ self.inverse
-        return np.asarray(moves.T @ moves)
+        self.covariance[np.ix_(self.free, self.free)] = self.budget.covariance
 
     def sure(self) -> bool:
         """Whether a curved shape knows its radius, and a plane where it looks."""
@@ -244,16 +198,8 @@ class _Fit:
         n = surface.distances(self.region.kind, self.q, g.vertices[self.used])[1]
         along = np.einsum("ij,ij->i", n, field[self.used])
         out = np.zeros(7)
-        out[self.free] = -self.inverse @ (self.J.T @ (self.weight * along))
+        out[self.free] = self.budget.answer(along)
         return out
-
-
-def _inverse(N: Floats) -> Floats:
-    s = 1.0 / np.sqrt(np.maximum(np.diagonal(N), 1e-300))
-    try:
-        return np.linalg.inv(N * np.outer(s, s)) * np.outer(s, s)
-    except np.linalg.LinAlgError:
-        return np.full_like(N, np.inf)
 
 
 def _finished(

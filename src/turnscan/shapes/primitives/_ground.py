@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
-from turnscan.mesh import Mesh, vector_areas, vertex_normals
+from turnscan.errors import InputError
+from turnscan.mesh import Mesh, measured_vertices, submesh, vector_areas, vertex_normals
 from turnscan.shapes.primitives import _region_kernels as region
 
 Index = npt.NDArray[np.int64]
@@ -84,6 +85,9 @@ class Ground:
     """How many there are."""
     usual: float
     """mm: the median of ``scale``."""
+    noise: float
+    """mm: of a point, with what neighbours share, as lines of them show it; no more than usual, for
+    lines across a coarse turn bend."""
 
     size: float
     """mm: diagonal of the box around it."""
@@ -96,6 +100,32 @@ class Ground:
     def neighbourhood(self) -> region.Neighbourhood:
         """What the kernels of growing take of it."""
         return region.Neighbourhood(self.vertices, self.normals, self.limit, self.start, self.near)
+
+
+def measured_part(mesh: Mesh) -> tuple[Mesh, Index]:
+    """The faces of a mesh that were measured as a mesh, and which vertex (k,) each of its vertices
+    was. Raises InputError where there are none."""
+    if not len(mesh.faces):
+        raise InputError("the mesh has no faces", hint="give a surface, not a cloud of points")
+    seen = measured_vertices(mesh)
+    whole = np.asarray(seen[mesh.faces].all(axis=1), dtype=np.bool_)
+    if not whole.any():
+        raise InputError("no face was measured", hint="give a mesh with measured faces")
+    inside = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    inside[mesh.faces[whole]] = True
+    part = mesh if whole.all() and inside.all() else submesh(mesh, whole)
+    return part, np.flatnonzero(inside)
+
+
+def sigma_of(mesh: Mesh) -> Floats | None:
+    """(v,) mm, the median where a vertex does not know its own; None where none does."""
+    if mesh.provenance is None:
+        return None
+    sigma = mesh.provenance.sigma
+    good = np.isfinite(sigma) & (sigma > 0)
+    if not good.any():
+        return None
+    return np.where(good, sigma, float(np.median(sigma[good])))
 
 
 def prepared(
@@ -136,11 +166,11 @@ def prepared(
     if stripe is not None and mesh.provenance is not None:
         along = np.empty(len(X), dtype=np.int64)
         along[np.lexsort((mesh.provenance.line, stripe))] = np.arange(len(X))
+    usual = float(np.median(scale)) if len(scale) else 0.0
     return Ground(
         X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing,
         stripe, along, 0 if stripe is None else len(np.unique(stripe)),
-        float(np.median(scale)) if len(scale) else 0.0, size, _together(scale, noise),
-        sigma is None,
+        usual, min(alone, usual), size, _together(scale, noise), sigma is None,
     )  # fmt: skip
 
 

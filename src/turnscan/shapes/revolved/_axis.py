@@ -15,9 +15,8 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Longs, frozen
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, measured_vertices, submesh, vertex_normals
-from turnscan.shapes.primitives._find import sigma_of
-from turnscan.shapes.primitives._ground import prepared
+from turnscan.mesh import Mesh, vertex_normals
+from turnscan.shapes.primitives._ground import measured_part, prepared, sigma_of
 from turnscan.shapes.primitives._surface_kernels import frame
 from turnscan.shapes.verification._statistics import clumping
 
@@ -125,20 +124,14 @@ def turned_about(mesh: Mesh, moves: Iterable[Floats] = ()) -> Turned:
     Raises InputError for a mesh without measured faces, and for a part that no axis, or more than
     one, fits: a sphere, a plate, a prism.
     """
-    known = measured_vertices(mesh)
-    whole = np.asarray(known[mesh.faces].all(axis=1), dtype=np.bool_)
-    if not whole.any():
-        raise InputError("no face was measured", hint="give a mesh with measured faces")
-    inside = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    inside[mesh.faces[whole]] = True
-    part = mesh if whole.all() and inside.all() else submesh(mesh, whole)
+    part, back = measured_part(mesh)
     ground = prepared(part, sigma_of(part), None, swept=True)
     fit = _Fit(part.vertices, ground.normals, ground.scale, ground.area)
     for h in _sizes(ground.size, ground.spacing):
         fit.settle(h)
     fit.check(ground.spacing)
     covariance = fit.covariance(ground.spacing)
-    fields = [np.asarray(field)[np.flatnonzero(inside)] for field in moves]
+    fields = [np.asarray(field)[back] for field in moves]
     for field in fields:
         answer = fit.answer(field)
         covariance = covariance + np.outer(answer, answer)

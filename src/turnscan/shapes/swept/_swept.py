@@ -21,8 +21,7 @@ from turnscan.errors import InputError
 from turnscan.mesh import Mesh, components, measured, submesh
 from turnscan.shapes.primitives import ShapeSet
 from turnscan.shapes.primitives import _region_kernels as region
-from turnscan.shapes.primitives._find import sigma_of
-from turnscan.shapes.primitives._ground import Ground, prepared
+from turnscan.shapes.primitives._ground import Ground, prepared, sigma_of
 from turnscan.shapes.primitives._surface_kernels import frame
 from turnscan.shapes.revolved import turned_about
 from turnscan.shapes.verification._statistics import clumping

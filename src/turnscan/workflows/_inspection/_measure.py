@@ -21,12 +21,12 @@ from turnscan.shapes import (
     find_planes,
     fit_cylinder,
     fit_sphere,
-    measured_points,
     plane_angles,
     volume_figures,
     volume_in_words,
     volume_sigma,
 )
+from turnscan.shapes.primitives import fit_whole
 from turnscan.workflows._inspection._dimension_report import dimension_table, write_dimensions
 from turnscan.workflows._inspection._shapes import FoundShapes, find_shapes, in_words
 from turnscan.workflows._options._declare import chosen
@@ -102,9 +102,10 @@ def measure(
     """Measure a surface: its volume, and every size or the shapes that the options ask for.
 
     Only what was measured is fitted, no vertex of a filling, as far as the source tells them apart;
-    points weigh 1/sigma² where their sigma is known. Uncertainties follow from the scatter of the
-    points about the fit; what light and rig do to all points alike is in those of sizes where a
-    scan or the result of a reconstruction is measured: a mesh does not know it, and says so.
+    points weigh 1/sigma² where their sigma is known. Uncertainties follow from the points' sigma or
+    scatter, more where neighbours or whole stripes are off together; of a scan, or the result of a
+    reconstruction, also from what light and rig do to all points alike. A mesh does not know that,
+    and says so.
 
     Parameters
     ----------
@@ -144,13 +145,15 @@ def measure(
     if wanted.planes:
         if not len(mesh.faces):
             raise InputError(f"{loaded.name}: no faces", hint="planar faces are found on a mesh")
-        regions = find_planes(mesh, tolerance=wanted.tolerance, smallest=wanted.smallest)
+        regions = find_planes(
+            mesh, tolerance=wanted.tolerance, smallest=wanted.smallest, moves=loaded.moves
+        )
         result["planes"] = [_plane(r) for r in regions]
         result["angles"] = [_angle(a) for a in plane_angles(regions)]
     if wanted.sphere:
-        result["sphere"] = _sphere(mesh)
+        result["sphere"] = _sphere(loaded)
     if wanted.cylinder:
-        result["cylinder"] = _cylinder(mesh)
+        result["cylinder"] = _cylinder(loaded)
     said = (*loaded.findings, *_noise_alone(loaded))
     if not wanted.every_size or not (wanted.sizes or len(mesh.faces)):
         return Measured(result, said)
@@ -247,8 +250,8 @@ def _angle(a: PlaneAngle) -> dict[str, Any]:
     }
 
 
-def _sphere(mesh: Mesh) -> dict[str, Any]:
-    s = fit_sphere(*measured_points(mesh))
+def _sphere(of: Loaded) -> dict[str, Any]:
+    s = fit_whole(fit_sphere, of.mesh, of.moves)
     sigma = np.sqrt(np.diag(s.covariance))
     return {
         "points": s.count,
@@ -260,8 +263,8 @@ def _sphere(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _cylinder(mesh: Mesh) -> dict[str, Any]:
-    c = fit_cylinder(*measured_points(mesh))
+def _cylinder(of: Loaded) -> dict[str, Any]:
+    c = fit_whole(fit_cylinder, of.mesh, of.moves)
     sigma = np.sqrt(np.diag(c.covariance))
     return {
         "points": c.count,
