@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.points.test_own_light import DUE, N, S, notched
+from tests.points.walls import DUE, N, S, notched
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._straight import straight_on
 from turnscan.points._wholeness import wholeness

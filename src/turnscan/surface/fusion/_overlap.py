@@ -137,7 +137,7 @@ def _compared(one: _Woven, other: _Woven, a: Ints, b: Ints) -> Overlap | None:
     a, X, normals, off = a[good], X[good], normals[good], off[good]
     bulge, spread = kernels.between(
         which[good], weights[good], normals, mesh.vertices, mesh.faces,
-        other.rank, other.before, other.after, other.smooth, other.second, other.noise,
+        other.rank, (other.before, other.after), other.smooth, other.second, other.noise,
     )  # fmt: skip
     known = np.isfinite(bulge)
     own = np.einsum("ij,ij->i", normals, one.noise[a])

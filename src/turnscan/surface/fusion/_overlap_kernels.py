@@ -11,7 +11,7 @@ from turnscan.compiled import njit
 _SLACK = 1e-6
 """A line through a side meets one of its two faces, whatever the rounding."""
 _TRIES = 3
-"""Times that the place is sought again where a line meets a cubic: 12 profiles a turn need two."""
+"""Times that the place where a line meets a cubic is searched: 12 profiles a turn need two."""
 
 
 @njit(cache=True, nogil=True)
@@ -155,8 +155,7 @@ def between(
     points: Floats,
     faces: Ints,
     rank: Ints,
-    before: Ints,
-    after: Ints,
+    neighbours: tuple[Ints, Ints],
     smooth: Bools,
     second: Floats,
     sigma: Floats,
@@ -167,7 +166,7 @@ def between(
     sigma what the noise of the four makes of it; ``sigma`` (v, 3) is the noise of each vertex as a
     vector. NaN where one of the face's corners is not ``smooth``.
     """
-    m = len(which)
+    m, (before, after) = len(which), neighbours
     bulge = np.full(m, np.nan)
     spread = np.full(m, np.nan)
     for i in range(m):
