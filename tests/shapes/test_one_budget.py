@@ -86,6 +86,19 @@ def test_a_shape_that_is_asked_for_is_known_as_one_that_is_found(part, fit, at) 
     assert 0.4 < ratio(errors, sigmas) < 1.8
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_what_moves_a_sphere_one_way_is_in_its_centre_s_uncertainty_that_way(axis: int) -> None:
+    mesh = _ball(0)
+    moved = np.zeros_like(mesh.vertices)
+    moved[:, axis] = 0.1
+    alone, both = (
+        np.sqrt(np.diag(fit_whole(fit_sphere, mesh, m).covariance)) for m in ([], [moved])
+    )
+    due = alone.copy()
+    due[axis] = np.hypot(alone[axis], 0.1)
+    assert both == pytest.approx(due, rel=0.01, abs=1e-4)
+
+
 @pytest.mark.parametrize("steps", [24, 60, 200])
 def test_a_cylinder_has_no_planar_face_however_coarse_its_turn(steps: int) -> None:
     for seed in range(2):

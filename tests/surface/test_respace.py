@@ -178,3 +178,17 @@ def test_spacings_that_cannot_be_are_refused() -> None:
         respace(tube(TURN), Between(1e-5, "rad"))
     with pytest.raises(InputError, match="not monotonic"):
         respace(tube(np.array([0.0, 0.2, 0.1])), Between(0.1, "rad"))
+
+
+def test_a_surface_of_the_first_and_the_last_profile_alone_spans_the_seam() -> None:
+    """What the sheet meets beyond the axis there is tied to nothing in front of it."""
+    grid = tube(TURN)
+    points, behind = grid.points.copy(), np.zeros(grid.found.shape, dtype=np.bool_)
+    points[[0, -1], :, :2] *= -0.6
+    behind[[0, -1]] = True
+    out = respace(replace(grid, points=points, behind=behind), Between(np.deg2rad(1.0), "rad"))
+    r = np.hypot(out.points[..., 0], out.points[..., 1])
+    assert np.isnan(r[1:4]).all(), "from beyond the axis to before it"
+    assert r[-3:] == pytest.approx(0.6 * RADIUS, abs=0.02), "from the last profile to the first"
+    assert np.isnan(out.sigma[~out.found]).all()
+    assert (out.flags[~out.found] != 0).all()

@@ -252,7 +252,8 @@ def test_settings_that_are_none_are_named_and_can_be_replaced(
         ({"spacing_by": "arc", "spacing": 1.0}, {"spacing_by": "arc", "spacing": 1.0}),
         ({"decimate": "0.05"}, {"decimate": "0.05mm"}),
         ({"decimate": "0.05mm"}, {"decimate": "0.05mm"}),
-        ({"decimate": "5e2"}, {"decimate": "5e2"}),
+        ({"decimate": "2.0"}, {"decimate": "2mm"}),
+        ({"decimate": "5e2"}, {"decimate": "500mm"}),
     ],
 )
 def test_what_earlier_versions_kept_is_read(
@@ -264,6 +265,11 @@ def test_what_earlier_versions_kept_is_read(
     with Scan.resume(scan) as writing:
         writing.append_edit(action_to_json(Add(1, ChangeSettings(kept))), 0.0)  # type: ignore[arg-type]
     assert options_of(scan).changed() == now
+
+
+def test_a_number_of_faces_is_kept_in_digits(scan: Path) -> None:
+    reconstruct(scan, ReconstructOptions(decimate="5e2"), store=True)
+    assert options_of(scan).changed() == {"decimate": "500"}
 
 
 def test_a_session_says_what_is_not_sound_about_what_it_exports(scan: Path) -> None:

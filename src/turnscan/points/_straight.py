@@ -33,7 +33,7 @@ def straight_on(light: LitPoints, doubt: Floats, shift: Floats) -> Floats:
     noise = light.noise / np.linalg.norm(light.along, axis=-1)
     with np.errstate(invalid="ignore"):
         sure = (doubt <= _SURE * noise) & (shift == 0.0)
-        asked = doubt > _WORTH * noise
+        asked = (doubt > _WORTH * noise) & (shift == 0.0)
     about = maximum_filter1d(asked.astype(np.uint8), 2 * _LINES + 1, axis=1) > 0
     off, most = np.empty((2, 2, *doubt.shape)), np.empty(doubt.shape)
 

@@ -128,5 +128,9 @@ def fit_whole(
     part, back = measured_part(mesh)
     ground = prepared(part, sigma_of(part), None)
     every = np.arange(len(part.vertices))
-    found = known(ground, form, every, (np.asarray(m)[back] for m in moves))
-    return replace(form, covariance=found.covariance)
+    found: Known = known(ground, form, every, (np.asarray(m)[back] for m in moves))
+    turn = np.eye(len(found.covariance))
+    if isinstance(form, Sphere):  # its centre is known along a frame, and told in x, y and z
+        e1, e2 = found.frame
+        turn[:3, :3] = np.stack([e1, e2, np.cross(e1, e2)])
+    return replace(form, covariance=turn.T @ found.covariance @ turn)

@@ -94,14 +94,19 @@ def _add(chords: _Chords, surface: RangeSurface, grid: RangeGrid) -> None:
     if p is None or not len(X):
         return
     order = np.argsort(grid.steps, kind="stable")
-    at = order[np.searchsorted(grid.steps[order], p.step)], p.line
-    after = surface.neighbours[1]
-    normals = surface.normals + surface.normals[after]
+    row = order[np.searchsorted(grid.steps[order], p.step)]
+    one = np.flatnonzero(surface.neighbours[1] >= 0)
+    other = surface.neighbours[1][one]
+    normals = surface.normals[one] + surface.normals[other]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    rise = kernels.rises(X, surface.bend, surface.ranks, surface.neighbours[1])[one]
     doubt = surface.between(np.inf, slight=True, ends=True)
-    chords.whole[at] = after >= 0
-    chords.rise[at] = kernels.rises(X, surface.bend, surface.ranks, after)[:, None] * normals
-    chords.doubt[at] = np.maximum(doubt, doubt[after])
+    # Of a surface that spans the seam alone the last profile counts as the one after the first.
+    first = np.where((row[other] - row[one]) % len(grid.steps) == 1, row[one], row[other])
+    at = first, p.line[one]
+    chords.whole[at] = True
+    chords.rise[at] = rise[:, None] * normals
+    chords.doubt[at] = np.maximum(doubt[one], doubt[other])
 
 
 def _between(

@@ -88,9 +88,9 @@ def _as_now(held: Mapping[str, Any]) -> dict[str, Any]:
     idle = idle_options(held)
     out = {name: v for name, v in held.items() if name not in idle or name not in _ONCE_IDLE}
     fewer = out.get("decimate")
-    if isinstance(fewer, str):
+    if isinstance(fewer, str) and not fewer.strip().isdecimal():
         with suppress(ValueError):  # it has a unit, or is none
-            out["decimate"] = fewer if float(fewer).is_integer() else f"{fewer}mm"
+            out["decimate"] = f"{float(fewer):g}mm"
     return out
 
 

@@ -275,6 +275,9 @@ class ReconstructOptions(Checked):
             lack, remedy = next(iter(idle.values()))
             names = ", ".join(name for name, why in idle.items() if why == (lack, remedy))
             raise InputError(f"{names}: no effect {lack}", hint=remedy)
+        faces = None if self.decimate is None else decimation(self.decimate).faces
+        if faces is not None:  # in digits: what is kept as 5e2 was a length once
+            object.__setattr__(self, "decimate", str(faces))
         if self.z_min is not None and self.z_max is not None and self.z_max <= self.z_min:
             raise InputError(
                 f"no height between {self.z_min} and {self.z_max} mm",

@@ -173,7 +173,8 @@ def _of_scan(
         surfacing = progress.subrange(_DETECTION, _SURFACE, "building the surface")
         done = build(seen, settings, edits, surfacing)
     remarks = below_stored(scan, settings.stripes.threshold)
-    if len(seen) > 1:  # one laser says nothing about the table
+    # One laser says nothing about the table, nor do profiles between those that were measured.
+    if len(seen) > 1 and settings.between is None:
         from turnscan.workflows._calibration._refine import table_findings
 
         remarks += table_findings(seen, done.grids)
