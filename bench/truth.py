@@ -41,6 +41,8 @@ from turnscan.surface.fusion import MergeMethod, merge
 from turnscan.workflows._options._reconstruct import spacing_between
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove", "shaft", "grooves")
+ALSO = ("hexagon", "plate")
+"""Parts that are measured only where they are asked for."""
 RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
 WAYS: Sequence[MergeMethod] = ("grid", "tsdf", "paste")
 KNOWN = ("", ", calibrated")
@@ -135,12 +137,12 @@ def rows(
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         ways = WAYS if lasers > 1 else ("paste",)
-        for text, way in product(("", *spaced), ways):
+        for text in ("", *spaced):
             between = spacing_between(text) if text else None
             grids = to_grids(seen, Settings(between=between)).grids
-            merged, _ = merge(grids, how=way)
-            for limit in (None, *limits):
-                mesh, _, _ = part_uncertain(merged, limit)
+            merged = {way: merge(grids, how=way)[0] for way in ways}
+            for way, limit in product(ways, (None, *limits)):
+                mesh, _, _ = part_uncertain(merged[way], limit)
                 mesh, _ = cut_touching(mesh)
                 mesh, _, _ = drop_islands(mesh, None, grids)
                 name = f"{part}, {rig}{KNOWN[calibrated]}"
@@ -198,7 +200,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="the paper rig with 60 steps")
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
     parser.add_argument("--write", action="store_true", help="put the rows into the documents")
-    parser.add_argument("--parts", choices=PARTS, nargs="+", default=PARTS, help="these parts")
+    parser.add_argument(
+        "--parts", choices=(*PARTS, *ALSO), nargs="+", default=PARTS, help="these parts"
+    )
     parser.add_argument("--calibrated", action="store_true", help="from a calibrated rig")
     parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
     parser.add_argument("--lasers", type=int, nargs="+", default=LASERS, help="so many lines")
@@ -210,8 +214,8 @@ def main() -> None:
         "--spacing-between", nargs="+", default=[], metavar="SIZE", help="2deg, 1mm: again so"
     )
     given = parser.parse_args()
-    if given.write and (given.largest_sigma or given.spacing_between):
-        parser.error("--write puts rows of everything that is measured into the page")
+    if given.write and (given.largest_sigma or given.spacing_between or {*given.parts} & {*ALSO}):
+        parser.error("--write puts rows of the page's parts, as they are measured, into it")
     some = given.parts, given.rigs, given.lasers, given.steps
     more = given.largest_sigma, given.spacing_between
     run(given.quick, given.write, given.keep, given.calibrated, *some, *more)

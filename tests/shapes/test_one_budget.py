@@ -36,7 +36,7 @@ def ratio(errors: list[float], sigmas: list[float]) -> float:
 
 def test_the_median_of_a_wall_errs_with_its_stripes_as_it_says() -> None:
     """Two stripes of five are off by 0.1 mm: what the median feels of each is not averaged out by
-    the points on it. The rms of error over uncertainty is 1, to 20 % with so many seeds."""
+    the points on it, and bounded by the scatter of the places: more than is felt of most."""
     clean = prism([(0.0, 0.0), (30.0, 0.0), (30.0, 5.0), (0.0, 5.0)], 20.0, 0.5)
     around = int((np.abs(clean.vertices[:, 2]) < 1e-9).sum())
     found = [wall_thickness(striped(clean, around, seed)) for seed in range(SEEDS)]
@@ -115,7 +115,8 @@ def test_a_hexagon_keeps_its_six_sides(step: float) -> None:
     sides = find_planes(noisy(walls, 0.05, 1))
     assert len(sides) == 6
     z = [(np.degrees(a.angle) % 60 + 30) % 60 - 30 for a in plane_angles(sides)]
-    assert ratio(z, [float(np.degrees(a.sigma)) for a in plane_angles(sides)]) < 1.8
+    # Of each side the way counts in which it is known worst, so that angles are stated too wide.
+    assert 0.1 < ratio(z, [float(np.degrees(a.sigma)) for a in plane_angles(sides)]) < 1.8
 
 
 def _turning(mesh: Mesh, where: Floats) -> Floats:

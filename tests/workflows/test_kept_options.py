@@ -309,7 +309,7 @@ def test_what_a_change_leaves_no_effect_is_not_carried_along(scan: Path) -> None
         ({"close": 1}, "close: 1 is not true or false"),
         ({"decimate": "3"}, "decimate: '3' faces are not a surface"),
         ({"decimate": "3.0"}, "decimate: '3.0' faces are not a surface"),
-        ({"decimate": "0.05"}, "a length has its unit: 0.05mm"),
+        ({"decimate": "0.05"}, "give a length as 0.05mm"),
         ({"voxel": 1.0, "merge": "paste"}, "voxel: no effect with merge paste"),
         ({"spacing_between": "5"}, "give an angle like 2deg"),
         ({"z_min": 9.0, "z_max": 3.0}, "no height between 9.0 and 3.0"),

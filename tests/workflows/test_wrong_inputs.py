@@ -17,6 +17,7 @@ from tests.calibrate.bodies import prism, swept, two_lasers
 from tests.calibrate.world import true_layout, true_rig
 from turnscan.calibrate import angle_model, parse_board
 from turnscan.errors import InputError
+from turnscan.findings import Finding
 from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan, list_pictures
 from turnscan.scanner import Shot
@@ -29,6 +30,7 @@ from turnscan.workflows import (
     capture,
     import_pictures,
     preview_import,
+    reconstruct,
     refine,
 )
 from turnscan.workflows._calibration._calibrate_look import look_for_part
@@ -157,6 +159,24 @@ def test_two_lasers_contradict_steps_of_another_sign(
 ) -> None:
     with pytest.raises(InputError, match="turns the other way: with these steps the two lasers"):
         import_pictures(hexagon, tmp_path / "a.turnscan", EvenSteps(-STEP), rig=two_lasers())
+
+
+@pytest.mark.parametrize("between", [None, "3deg"])
+def test_an_even_table_is_asked_for_by_measured_profiles_alone(
+    tmp_path: Path, hexagon: dict[str, str], monkeypatch: pytest.MonkeyPatch, between: str | None
+) -> None:
+    """Of those between them both lasers' chords contradict each other, whatever the table did."""
+    asked = []
+
+    def told(seen: object, grids: object) -> list[Finding]:
+        asked.append(seen)
+        return []
+
+    monkeypatch.setattr("turnscan.workflows._calibration._refine.table_findings", told)
+    scan = tmp_path / "a.turnscan"
+    import_pictures(hexagon, scan, EvenSteps(STEP), rig=two_lasers())
+    reconstruct(scan, spacing_between=between)
+    assert len(asked) == (between is None)
 
 
 @pytest.mark.parametrize(

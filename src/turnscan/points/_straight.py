@@ -15,6 +15,8 @@ _WORTH = 0.3
 _LINES, _FEWEST = 8, 7
 """Lines to either side that tell together how far a profile lies off such a way, and how many of
 them at least."""
+_TOGETHER = 64
+"""Steps whose points are looked at at a time."""
 
 
 def straight_on(light: LitPoints, doubt: Floats, shift: Floats) -> Floats:
@@ -35,17 +37,12 @@ def straight_on(light: LitPoints, doubt: Floats, shift: Floats) -> Floats:
         sure = (doubt <= _SURE * noise) & (shift == 0.0)
         asked = (doubt > _WORTH * noise) & (shift == 0.0)
     about = maximum_filter1d(asked.astype(np.uint8), 2 * _LINES + 1, axis=1) > 0
-    off, most = np.empty((2, 2, *doubt.shape)), np.empty(doubt.shape)
+    places, most = (light.points, light.along, light.arcs), np.full(doubt.shape, np.nan)
 
-    def leads(first: int, end: int) -> None:
-        off[:, :, first:end] = np.nan
-        places = light.points, light.along, light.arcs
-        kernels.off_straight(*places, sure, about, light.closed, (first, end), off)
+    def part(first: int, end: int) -> None:
+        span, off = (first, end), np.full((2, 2, end - first, doubt.shape[1]), np.nan)
+        kernels.off_straight(*places, sure, about, light.closed, span, off)
+        kernels.bounded(off, noise, asked, (_LINES, _FEWEST), span, most)
 
-    def bound(first: int, end: int) -> None:
-        most[first:end] = np.nan
-        kernels.bounded(off, noise, asked, (_LINES, _FEWEST), (first, end), most)
-
-    in_parts(leads, len(most))
-    in_parts(bound, len(most))
+    in_parts(part, len(most), -(-len(most) // _TOGETHER))
     return np.asarray(np.fmin(doubt, most))

@@ -27,7 +27,7 @@ def bounded(
     out: Floats,
 ) -> None:  # fmt: skip
     """How far, px, points are off at most as those about them on their profile are: the median of
-    ``off`` (2, 2, s, n) over so many ``lines`` to either side and twice what it is uncertain by,
+    ``off`` (2, 2, k, n) over so many ``lines`` to either side and twice what it is uncertain by,
     with what their way bends by, and what they scatter by beyond ``noise`` (s, n).
 
     Of both directions the one that says less, and nothing of a point that is unlike those about
@@ -39,18 +39,19 @@ def bounded(
     for k in range(span[0], span[1]):
         for j in range(n):
             for hand in range(2):
-                if not asked[k, j] or np.isnan(off[0, hand, k, j]):
+                here = off[:, hand, k - span[0]]
+                if not asked[k, j] or np.isnan(here[0, j]):
                     continue
                 count = 0
                 for i in range(max(0, j - reach), min(n, j + reach + 1)):
-                    if not np.isnan(off[0, hand, k, i]):
-                        some[count], bend[count] = off[:, hand, k, i]
+                    if not np.isnan(here[0, i]):
+                        some[count], bend[count] = here[:, i]
                         count += 1
                 if count < fewest:
                     continue
                 middle = np.median(some[:count])
                 scatter = 1.4826 * np.median(np.abs(some[:count] - middle))
-                if abs(off[0, hand, k, j] - middle) > _ODD * scatter:
+                if abs(here[0, j] - middle) > _ODD * scatter:
                     continue
                 most = abs(middle) + 2.0 * 1.2533 * scatter / np.sqrt(count)
                 most += abs(np.median(bend[:count]))
@@ -70,8 +71,8 @@ def off_straight(
     ``along`` (s, n, 3) mm is how a centre that is off by one pixel moves its point, ``arcs``
     (s, n) mm the usual way to the next step, ``sure`` (s, n) True for the points that may tell, and
     ``asked`` (s, n) for those of which it is wanted.
-    Writes into ``out`` (2, 2, s, n) px, full of NaN, for the steps of a ``span``: that, and how far
-    the way would bend until there, as it does further back.
+    Writes into ``out`` (2, 2, k, n) px, full of NaN, for the k steps of a ``span``: that, and how
+    far the way would bend until there, as it does further back.
     """
     n, some = points.shape[1], np.empty((_REACH, 3))
     for k in range(span[0], span[1]):
@@ -83,7 +84,7 @@ def off_straight(
                 count = _sure_ones(points, arcs, sure, k, j, sign, closed, some)
                 if count < _FEWEST:
                     continue
-                out[:, hand, k, j] = _off(points, along, k, j, some[:count])
+                out[:, hand, k - span[0], j] = _off(points, along, k, j, some[:count])
 
 
 @njit(cache=True, nogil=True)

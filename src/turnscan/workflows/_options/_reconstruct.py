@@ -46,7 +46,7 @@ def decimation(text: str) -> Decimation:
     if in_mm:
         return Decimation(tolerance=size)
     if not size.is_integer():
-        raise ValueError(f"{text!r} is no number of faces; a length has its unit: {told}mm.")
+        raise ValueError(f"{text!r} is not a number of faces; give a length as {told}mm.")
     if size < 4:
         raise ValueError(f"{text!r} faces are not a surface; a tolerance ends in mm.")
     return Decimation(faces=int(size))
