@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.analytic import full_turn, make_rig, scan_shape, sphere, with_noise
+from tests.analytic import box, full_turn, make_rig, scan_shape, sphere, with_noise
 from turnscan.points import RangeGrid, build_grid, normal_sigma
 from turnscan.points import _normal_kernels as kernels
 from turnscan.points import _normal_sigma as sigmas
@@ -35,6 +35,23 @@ def test_errors_off_a_ball_are_as_large_as_the_sigma_along_its_normal_says(ball)
     # Also near the poles by themselves, where little of a centre's error leads off the ball.
     pole = np.abs(ball.points[ball.found][:, 2] - 24.0) > 17.0
     assert 0.8 < np.sqrt((z[pole] ** 2).mean()) < 1.1
+
+
+@pytest.mark.parametrize("steps", [60, 120, 200])
+def test_on_a_face_that_turns_away_an_error_is_as_large_as_said_over_long_steps(steps):
+    """Beside the axis a plate's face turns away from the light: its profiles lie up to four usual
+    steps from each other, and a third of what moves a point leads off it."""
+    rig, angles = make_rig(), full_turn(steps)
+    exact = scan_shape(rig, box((26.0, 4.0, 25.0), (0.0, 0.0, 25.0), 0.0), angles)
+    stripes = [replace(s, width=np.full(len(s.width), np.nan)) for s in with_noise(exact, NOISE, 3)]
+    grid = build_grid(rig, "L0", stripes, range(steps), angles)
+    x, y, z = np.moveaxis(grid.points, -1, 0)
+    face = grid.found & (np.abs(np.abs(y) - 4.0) < 0.5) & (z > 4.0) & (z < 46.0)
+    away = face & (np.abs(x) > 9.0) & (np.abs(x) < 20.0)
+    assert away.sum() > 200
+    off, sigma = np.abs(y[away]) - 4.0, normal_sigma(grid)[away]
+    assert 0.85 < np.sqrt(np.mean((off / sigma) ** 2)) < 1.1
+    assert np.sqrt(np.mean((off / grid.sigma[away]) ** 2)) < 0.6, "along the sheet: too much"
 
 
 def test_it_is_never_more_than_along_the_sheet_nor_missing_where_that_is_known(ball):

@@ -93,7 +93,10 @@ def creased(
     moved. The centre may be off by as much as 4 f (1 − f) of the most, f being that way. Profiles
     are looked at as far off as the sheet reaches, over what is linked. A surface that goes on flat
     changes its width, too, as the table turns it to the light: no more counts than ``apart`` (s, n)
-    px says of the surfaces so many steps off, in the light of the point's own step.
+    px says of the surfaces so many steps off, in the light of the point's own step. Where the
+    surface ends before these, the nearest that are known count; and beyond what the sheet reaches
+    no more than the chords to both sides of the point, ``apart`` of 0 steps: a crease that is not
+    between the two profiles beside it is too far off.
     """
     if not thickness > 0:
         return None
@@ -106,13 +109,16 @@ def creased(
     held = [np.ones(width.shape, np.bool_), np.ones(width.shape, np.bool_)]
     # What no turn moves has the same surface beside it in every profile.
     turned = ~np.isinf(walk).any(axis=0)
+    chords = differ = apart(0)
     for far in range(1, most + 1):
         for way, sign in ((0, 1), (1, -1)):
             linked = ~np.isnan(np.roll(walk[way], -sign * (far - 1), axis=0))
             beside = np.roll(width, -sign * far, axis=0)
             held[way] &= linked & ~np.isnan(beside)
             sides[way] = np.where(held[way], beside, sides[way])
-        differ = apart(far)
+        there, beyond = apart(far), far * of.arcs > REACH * thickness
+        differ = np.where(np.isnan(there), differ, there)
+        differ = np.where(beyond, np.fmin(differ, chords), differ)
         _raise(unsure, width, sides, held, differ)
         if far == clear:
             fine = fineness(of.arcs, thickness)

@@ -139,7 +139,8 @@ def shares(
     noise may have made all their differences, the normal of the neighbours alone counts: one
     through the point itself turns away from where its error leads, the more the larger that is.
     Elsewhere the largest does, so that an edge claims no more than the worse of its two surfaces.
-    1 where nothing is known.
+    1 where nothing is known. A surface that turns away from the light has long steps: over those a
+    line that leads straight on tells, too.
     Steps from the first to before the second of ``span`` are written.
     """
     n = points.shape[1]
@@ -154,7 +155,7 @@ def shares(
             best, low, high, total, count = -1.0, 2.0, -1.0, 0.0, 0
             past, beyond = (0.0, 0.0, 0.0), 0.0
             for sign in (1, -1):
-                m, far = beside(points, k, j, sign, arc, least, closed)
+                m, far = beside(points, k, j, sign, arc, least, closed, True)
                 if not far:
                     continue
                 v = way(points, k, j, m, j)

@@ -40,7 +40,7 @@ def straight_on(light: LitPoints, doubt: Floats, shift: Floats) -> Floats:
     places, most = (light.points, light.along, light.arcs), np.full(doubt.shape, np.nan)
 
     def part(first: int, end: int) -> None:
-        span, off = (first, end), np.full((2, 2, end - first, doubt.shape[1]), np.nan)
+        span, off = (first, end), np.full((3, 2, end - first, doubt.shape[1]), np.nan)
         kernels.off_straight(*places, sure, about, light.closed, span, off)
         kernels.bounded(off, noise, asked, (_LINES, _FEWEST), span, most)
 

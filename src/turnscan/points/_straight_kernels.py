@@ -7,8 +7,11 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.compiled import njit
-from turnscan.points._wholeness_kernels import LINKED, Pair, dot, way
+from turnscan.points._wholeness_kernels import LINKED, dot, way
 
+Off = tuple[float, float, float]
+"""px along which a point is off a way on, px by which that would bend, and variance of where it
+leads, in those of a point."""
 _REACH = 12
 """Profiles to one side that are looked at, at most."""
 _FEWEST = 4
@@ -27,15 +30,15 @@ def bounded(
     out: Floats,
 ) -> None:  # fmt: skip
     """How far, px, points are off at most as those about them on their profile are: the median of
-    ``off`` (2, 2, k, n) over so many ``lines`` to either side and twice what it is uncertain by,
-    with what their way bends by, and what they scatter by beyond ``noise`` (s, n).
+    ``off`` (3, 2, k, n) over so many ``lines`` to either side and what it is uncertain by, with
+    what their way bends by, and what they scatter by beyond ``noise`` (s, n) and that of the way.
 
     Of both directions the one that says less, and nothing of a point that is unlike those about
     it. Writes into ``out`` (s, n), full of NaN, for the steps of a ``span``, where it is ``asked``
     (s, n) and the least of ``lines`` tell.
     """
     n, (reach, fewest) = off.shape[3], lines
-    some, bend = np.empty((2, 2 * reach + 1))
+    some, bend, unsure = np.empty((3, 2 * reach + 1))
     for k in range(span[0], span[1]):
         for j in range(n):
             for hand in range(2):
@@ -45,7 +48,7 @@ def bounded(
                 count = 0
                 for i in range(max(0, j - reach), min(n, j + reach + 1)):
                     if not np.isnan(here[0, i]):
-                        some[count], bend[count] = here[:, i]
+                        some[count], bend[count], unsure[count] = here[:, i]
                         count += 1
                 if count < fewest:
                     continue
@@ -53,9 +56,10 @@ def bounded(
                 scatter = 1.4826 * np.median(np.abs(some[:count] - middle))
                 if abs(here[0, j] - middle) > _ODD * scatter:
                     continue
-                most = abs(middle) + 2.0 * 1.2533 * scatter / np.sqrt(count)
-                most += abs(np.median(bend[:count]))
-                more = scatter * scatter - noise[k, j] * noise[k, j]
+                sure = 1.2533 * scatter / np.sqrt(count)
+                most = np.hypot(middle, sure) + abs(np.median(bend[:count]))
+                parts = 1.0 + np.median(unsure[:count])
+                more = scatter * scatter - parts * noise[k, j] * noise[k, j]
                 most = np.sqrt(most * most + max(more, 0.0))
                 if not out[k, j] <= most:
                     out[k, j] = most
@@ -71,8 +75,8 @@ def off_straight(
     ``along`` (s, n, 3) mm is how a centre that is off by one pixel moves its point, ``arcs``
     (s, n) mm the usual way to the next step, ``sure`` (s, n) True for the points that may tell, and
     ``asked`` (s, n) for those of which it is wanted.
-    Writes into ``out`` (2, 2, k, n) px, full of NaN, for the k steps of a ``span``: that, and how
-    far the way would bend until there, as it does further back.
+    Writes into ``out`` (3, 2, k, n), full of NaN, for the k steps of a ``span``: px that is, px by
+    which the way would bend until there, as it does further back, and its variance (`Off`).
     """
     n, some = points.shape[1], np.empty((_REACH, 3))
     for k in range(span[0], span[1]):
@@ -111,9 +115,9 @@ def _sure_ones(
 
 
 @njit(cache=True, nogil=True)
-def _off(points: Floats, along: Floats, k: int, j: int, some: Floats) -> Pair:
-    """px along which a point lies off the way on from ``some`` (m, 3), and by which that would bend
-    until there; NaN where they do not tell."""
+def _off(points: Floats, along: Floats, k: int, j: int, some: Floats) -> Off:
+    """How far a point lies off the way on from ``some`` (m, 3), and what is known of that; NaN
+    where they do not tell."""
     n, part = points.shape[1], max(len(some) // 3, 1)
     near, middle, far = np.zeros(3), np.zeros(3), np.zeros(3)
     half = (len(some) - part) // 2
@@ -131,12 +135,13 @@ def _off(points: Floats, along: Floats, k: int, j: int, some: Floats) -> Pair:
     ahead = (here * line).sum() / max(square, 1e-12)
     back = ((near - middle) * line).sum() / max(square, 1e-12)
     if low == high or not (0.0 < ahead <= _FURTHER and 0.0 < back < 1.0):
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     normal = np.cross(points[k, high] - points[k, low], line)
     lean = (normal * along[k, j]).sum()
     if lean == 0.0:
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     # A parabola through all three, which is straight where the middle lies between the others.
     sagitta = (normal * (near - middle)).sum()
     bend = sagitta * ahead * (ahead + 1.0) / (back * (1.0 - back))
-    return (normal * here).sum() / lean, bend / lean
+    unsure = ((1.0 + ahead) ** 2 + ahead**2) / part
+    return (normal * here).sum() / lean, bend / lean, unsure

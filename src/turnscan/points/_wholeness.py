@@ -34,6 +34,9 @@ _SURE = 0.15
 noise of the points, through the planes that they make, and curvature make as much of it."""
 _SURE_END = 0.09
 """The same where what is seen ends: there something is known to be that may cut it."""
+_LONG = 0.6
+"""Part of a step that the sheet reaches over, below which a point that is off tilts its chord by so
+little that what is due on that is believed of a wide stripe where the surface ends."""
 _SMOOTH = 0.08
 """Difference of two surfaces to the light, as a part, up to which they are one …"""
 _SHARE = 0.25
@@ -177,10 +180,11 @@ def _lying(
     bent = creased(
         Widths(width, bright, walk, side, arcs),
         thickness,
-        lambda far: _apart(light, arcs, due_on, far),
+        lambda far: _apart(light, arcs, due_on, far) if far else _differ(due_on(walk)),
         lambda far, first, end: _folded(light, arcs, (thickness, far), (first, end)),
     )
     fine = fineness(arcs, thickness)
+    goes_on = _going_on(light, arcs)
     dim = _dim(width, bright, found)
     glow = np.zeros_like(found)
     shift, doubt = np.empty(width.shape), np.empty(width.shape)
@@ -201,6 +205,7 @@ def _lying(
             bright[rows],
             found[rows],
             fine[rows],
+            goes_on[rows],
             beyond,
         )
         *own, ratio = _judged(some, due_on, bent if bent is None else bent.some(rows))
@@ -225,6 +230,16 @@ def _lying(
     near = (fineness(arcs, reach) >= 1.0) & (reach > 0)
     own = Wholeness(shift, doubt, tail, glow, slide, near, seen)
     return own, thickness, still
+
+
+def _going_on(light: LitPoints, arcs: Floats) -> Bools:
+    """What the kernel `straight_beyond` writes of all steps, in parts."""
+    from turnscan.points import _wholeness_kernels as kernels
+
+    out = np.zeros(arcs.shape, dtype=np.bool_)
+    places = light.points, arcs, light.closed
+    in_parts(lambda a, b: kernels.straight_beyond(*places, (a, b), out), len(out))
+    return out
 
 
 def _dim(width: Floats, light: Floats, found: Bools) -> Bools:
@@ -252,6 +267,8 @@ class _Band(NamedTuple):
     found: Bools
     fine: Floats
     """(s, n) how much of a step the sheet reaches over (`fineness`)."""
+    goes_on: Bools
+    """(s, n) True where the surface leads straight on beyond a long step (`straight_beyond`)."""
     beyond: tuple[bool, bool]
     """Whether the grid ends with them, so that there is no step before, or after."""
 
@@ -274,8 +291,13 @@ def _judged(
     known = some.fine >= KNOWN
     share = np.where(known, 1.0, some.fine)
     inner = np.exp((1 - share) * np.log(due) + share * np.log(inner).mean(axis=0))
+    own = width / due
     due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
+    # A cut makes none wider: one that is as wide as is due on its chord lies as that does, where
+    # the line leads straight on, or the step is long.
+    alike = (some.goes_on | (some.fine < _LONG)) & (ratio > 1.0) & (np.abs(own - 1.0) <= _SMOOTH)
+    ratio, due = np.where(alike, own, ratio), np.where(alike, width / own, due)
     border = np.isnan(walk[0]) != np.isnan(walk[1])
     border &= some.found & ~np.isnan(ratio).all(axis=0)
     bias = by_width(ratio, np.where(border, _SURE_END, _SURE))
@@ -578,13 +600,17 @@ def _apart(light: LitPoints, arcs: Floats, due_on: Callable[[Floats], Floats], f
     out = np.empty(light.width.shape)
 
     def part(a: int, b: int) -> None:
-        due = due_on(np.stack([kernels.steady(w[a:b]) for w in walk]))
-        with np.errstate(invalid="ignore"):
-            noise = NOISE * (due[0] + due[1])
-            out[a:b] = np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0))
+        out[a:b] = _differ(due_on(np.stack([kernels.steady(w[a:b]) for w in walk])))
 
     in_parts(part, len(out), -(-len(out) // _TOGETHER))
     return out
+
+
+def _differ(due: Floats) -> Floats:
+    """(s, n) px: by how much more than noise two widths (2, s, n) px differ."""
+    with np.errstate(invalid="ignore"):
+        noise = NOISE * (due[0] + due[1])
+        return np.asarray(np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0)))
 
 
 def _due(

@@ -6,7 +6,7 @@ from math import erf
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.compiled import njit
 
 Vector = tuple[float, float, float]
@@ -19,6 +19,12 @@ _BESIDE = 2
 """Lines on either side that a width is the median of: speckle widens single lines by a tenth."""
 LINKED = 2.2
 """Usual arcs of a step that two points of one line may lie apart on one surface."""
+_GRAZED = 4.5
+"""The same where the line leads straight on there: on a surface that turns away from the light
+steps are longer, …"""
+_ON, _EVEN = 0.978, 0.3
+"""… the cosine of the bend up to which it does, and the part of a step that the next one is long,
+at least, which tells that."""
 _FAR = 6
 """Steps to either side that are looked at, at most, for a point that noise does not tilt."""
 _MEET, _MEET_AT = 30, 3.0
@@ -171,9 +177,11 @@ def _normal(points: Floats, k: int, m: int, j: int, sign: float) -> tuple[bool, 
 
 
 @njit(cache=True, nogil=True)
-def _linked(points: Floats, arc: Floats, k: int, j: int, sign: int, closed: bool) -> int:
+def _linked(
+    points: Floats, arc: Floats, k: int, j: int, sign: int, closed: bool, on: bool = False
+) -> int:
     """The next step in a direction, if its point may lie on one surface with that of (k, j); else
-    −1."""
+    −1. With ``on`` also over a long step where the line leads straight on."""
     s = len(points)
     m = k + sign
     if closed:
@@ -181,22 +189,45 @@ def _linked(points: Floats, arc: Floats, k: int, j: int, sign: int, closed: bool
     if m < 0 or m >= s:
         return -1
     step = way(points, k, j, m, j)
+    square, usual = dot(step, step), arc[k, j] * arc[k, j]
+    if square <= LINKED * LINKED * usual:
+        return m
     # NaN, where one is missing, is no neighbour either.
-    return m if np.sqrt(dot(step, step)) <= LINKED * arc[k, j] else -1
+    if not on or not square <= _GRAZED * _GRAZED * usual:
+        return -1
+    before, after = k - sign, m + sign
+    if closed:
+        before, after = before % s, after % s
+    for a, b in ((before, k), (m, after)):
+        if min(a, b) >= 0 and max(a, b) < s:
+            other = way(points, a, j, b, j)
+            long = dot(other, other)
+            straight = dot(step, other) >= _ON * np.sqrt(square * long)
+            if straight and long >= _EVEN * _EVEN * square:
+                return m
+    return -1
 
 
 @njit(cache=True, nogil=True)
 def beside(
-    points: Floats, k: int, j: int, sign: int, arc: Floats, least: float, closed: bool
+    points: Floats,
+    k: int,
+    j: int,
+    sign: int,
+    arc: Floats,
+    least: float,
+    closed: bool,
+    on: bool = False,
 ) -> tuple[int, bool]:
     """The nearest step whose point is linked and lies ``least`` mm off, and whether there is one.
 
-    Without one the last step that is linked; −1 where the very next is no neighbour.
+    Without one the last step that is linked; −1 where the very next is no neighbour. ``on`` as in
+    `_linked`.
     """
     last = -1
     m = k
     for _ in range(_FAR):
-        m = _linked(points, arc, m, j, sign, closed)
+        m = _linked(points, arc, m, j, sign, closed, on)
         if m < 0 or m == k:
             break
         last = m
@@ -204,6 +235,21 @@ def beside(
         if np.sqrt(dot(gap, gap)) >= least:
             return last, True
     return last, False
+
+
+@njit(cache=True, nogil=True)
+def straight_beyond(
+    points: Floats, arc: Floats, closed: bool, span: tuple[int, int], out: Bools
+) -> None:
+    """Make (s, n) True where a line leads straight on to a next point that is too far to be linked,
+    for the steps of a ``span``. On a surface that turns away from the light steps grow.
+    """
+    for k in range(span[0], span[1]):
+        for j in range(points.shape[1]):
+            for sign in (1, -1):
+                if not np.isnan(points[k, j, 0]) and _linked(points, arc, k, j, sign, closed) < 0:
+                    on = _linked(points, arc, k, j, sign, closed, True)
+                    out[k, j] = out[k, j] or on >= 0
 
 
 @njit(cache=True, nogil=True)
@@ -271,9 +317,9 @@ def across(
 def _plane_beside(
     places: Places, at: tuple[int, int], sign: int, least: float, closed: bool, far: int
 ) -> tuple[bool, int, Vector]:
-    """Whether the profiles ``far`` and one more steps off, in a direction, are linked to a point
-    and lie ``least`` mm apart, the step of the nearer, and the normal (any sign, unit) of the plane
-    through both."""
+    """Whether the profiles ``far`` and one more steps off, in a direction, are linked to a point,
+    the step of the nearer, and the normal (any sign, unit) of the plane through both. Where these
+    lie less than ``least`` mm apart, which noise tilts, the next that does not is taken."""
     points, _, _, arc = places
     o, j = at
     m = o
@@ -281,11 +327,15 @@ def _plane_beside(
         m, o = o, _linked(points, arc, o, j, sign, closed)
         if o < 0:
             return False, -1, (0.0, 0.0, 0.0)
-    gap = way(points, m, j, o, j)
-    if not np.sqrt(dot(gap, gap)) >= least:
-        return False, -1, (0.0, 0.0, 0.0)
-    there, normal = _normal(points, m, o, j, float(sign))
-    return there, m, normal
+    for _ in range(_FAR):
+        gap = way(points, m, j, o, j)
+        if np.sqrt(dot(gap, gap)) >= least:
+            there, normal = _normal(points, m, o, j, float(sign))
+            return there, m, normal
+        o = _linked(points, arc, o, j, sign, closed)
+        if o < 0 or o == m:
+            break
+    return False, -1, (0.0, 0.0, 0.0)
 
 
 @njit(cache=True, nogil=True)
