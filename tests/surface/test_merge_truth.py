@@ -97,7 +97,8 @@ def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:
     assert good.all()
     assert not (guessed | afar).any()
     assert not loose.any(), "each stands on its own point"
-    own, steps = surfaces[0].sigma, surfaces[0].between_lines
+    # Beside what is left in voxels of a millimetre.
+    own, steps = np.hypot(surfaces[0].sigma, 0.008), surfaces[0].between_lines
     about = steps.copy()
     np.maximum.at(about, mesh.faces.ravel(), np.repeat(steps[mesh.faces].max(axis=1), 3))
     assert (sigma >= np.hypot(own, steps) - 1e-9).all()
@@ -204,7 +205,7 @@ def test_what_a_doubtful_point_alone_confirms_from_afar_is_as_doubtful() -> None
     inside = some & (np.linalg.norm(one.normals, axis=1) > 0.5)
     assert good.all()
     assert np.median(sigma[inside]) > 0.5
-    assert sigma[~some] == pytest.approx(0.05)
+    assert sigma[~some] == pytest.approx(0.05, rel=1e-3)
     beyond = witnessed(sure, [unsure], 0.1, 0.3).confirmed
     assert beyond[inside].mean() < 0.2, "nor from beyond what counts"
 

@@ -218,9 +218,9 @@ def test_a_surface_that_passes_by_the_corners_of_voxels_has_no_needles(height: f
 def test_of_a_place_between_points_noise_alone_averages_out(sigma, share, noise) -> None:
     X = np.eye(3)
     steps, most = np.arange(3, dtype=np.int32), np.full(3, noise)
-    known = kernels.Vertices(X, np.array(sigma), np.zeros(3), steps, most, np.zeros(3), 0.0)
+    known = kernels.Vertices(X, np.array(sigma), steps, most, np.zeros(3), 0.0)
     face = np.arange(3, dtype=np.int32)
-    random, own, single, gap = kernels.variances(face, *share, known, np.full(3, 0.5))
+    random, own, single, gap = kernels.variances(face, *share, known, 0.5)
     w = np.array([1.0 - sum(share), *share])
     part = np.minimum(sigma, noise)
     common = w @ np.sqrt(np.maximum(np.square(sigma) - part**2, 0.0))
@@ -232,7 +232,7 @@ def test_of_a_place_between_points_noise_alone_averages_out(sigma, share, noise)
     # On one profile two of them: what their noise has alike does not average out.
     for alike in (0.5, 1.0):
         one = known._replace(alike=alike, step=np.array([0, 0, 1], np.int32))
-        more = kernels.variances(face, *share, one, np.full(3, 0.5))[0] - random
+        more = kernels.variances(face, *share, one, 0.5)[0] - random
         assert more == pytest.approx(alike * 2 * w[0] * w[1] * part[0] * part[1], abs=1e-12)
 
 

@@ -31,7 +31,7 @@ def carved(surfaces: Sequence[RangeSurface], most: float) -> tuple[list[RangeSur
     explain.
     Source: space carving (Curless & Levoy 1996, §4), with single rays.
     """
-    doubted = [s.between()[s.mesh.faces].max(axis=1) > most for s in surfaces]
+    doubted = [s.between() > most for s in surfaces]
     if not any(d.any() for d in doubted):
         return list(surfaces), 0
     eyes = np.concatenate([s.eyes for s in surfaces])

@@ -107,8 +107,8 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         known = s.sigma[s.sigma > 0]
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
-            Vertices(X, s.sigma, between[i][1], s.ranks, s.noise(most), s.bend, s.alike),
-            between[i][0],
+            Vertices(X, s.sigma, s.ranks, s.noise(most), s.bend, s.alike),
+            between[i],
             s.between_lines,
             _turns(X),
             np.maximum(s.cosine, 0.05),

@@ -140,7 +140,7 @@ def _put(
 @njit(cache=True, nogil=True)
 def raster(
     vertices: Vertices,
-    bends: Floats,
+    between: tuple[Floats, Floats],
     between_lines: Floats,
     around: Floats,
     cosine: Floats,
@@ -153,8 +153,8 @@ def raster(
     """Fill the ``cells`` with the radius of a mesh at every angle and height.
 
     Between its vertices a face bulges as these bend (`rise`); ``lines`` are how high the lowest
-    cells lie and how far others over each other, mm; ``bends`` (v,) mm what of ``vertices.between``
-    no edge makes, ``between_lines`` (v,) mm what the surface may do there.
+    cells lie and how far others over each other, mm; ``between`` (f,) mm what the surface may do
+    between two profiles but for edges, and with them, ``between_lines`` (v,) mm between lines.
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, in turns from
     0 to 1, ascending. ``limits`` are the mm within which two radii are alike, and the turns within
     which a face that ends beside a column is met at its end. Which counts where a cell is met
@@ -206,13 +206,13 @@ def raster(
                 there = beside == 0.0 and cells.aside[k, z] == 0.0
                 met += beside == 0.0 and not there
                 clashes += there and abs(r - cells.radius[k, z]) > alike
-                random, own, single, gap = variances(faces[f], u, v, vertices, vertices.between)
+                random, own, single, gap = variances(faces[f], u, v, vertices, between[1][f])
                 w = 1.0 - u - v
                 gap += (w * between_lines[a] + u * between_lines[b] + v * between_lines[c]) ** 2
                 strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(single + gap, 1e-12)
                 if not _counts(cells, k, z, beside, strong * r):
                     continue
-                bend = variances(faces[f], u, v, vertices, bends)[3]
+                bend = variances(faces[f], u, v, vertices, between[0][f])[3]
                 source = a if w >= u and w >= v else (b if u >= v else c)
                 known = (random, own, own + gap, own + bend)
                 _put(cells, k, z, (r, strong, steep, beside), known, source)

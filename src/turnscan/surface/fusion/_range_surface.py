@@ -61,6 +61,8 @@ class RangeSurface:
     does not know (`RangeGrid.noise`)."""
     alike: float = 0.0
     """Correlation of that on adjacent lines (`RangeGrid.alike`)."""
+    along: Floats | None = None
+    """(v,) mm: sigma along the laser's sheet (`RangeGrid.sigma`); None where it is not known."""
 
     @property
     def cosine(self) -> Floats:
@@ -145,7 +147,24 @@ class RangeSurface:
         return self.mesh.provenance
 
     def between(self, edges: float = 0.0, *, slight: bool = False, ends: bool = False) -> Floats:
-        """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
+        """(f,) mm: how far the surface may lie off the chords that each face spans from a profile
+        to the next: the most that `beside_profiles` says of its vertices to that side.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        faces, ranks = self.mesh.faces, self.ranks[self.mesh.faces]
+        back, on = self.beside_profiles(edges, slight=slight, ends=ends)
+        low, high = ranks.min(axis=1, keepdims=True), ranks.max(axis=1, keepdims=True)
+        # Over the seam the last profile is before the first.
+        first = np.where(high - low > 1, high, low)
+        side = np.where(ranks == first, on[faces], back[faces])
+        return np.asarray(np.where((low == high)[:, 0], 0.0, side.max(axis=1)))
+
+    def beside_profiles(
+        self, edges: float = 0.0, *, slight: bool = False, ends: bool = False
+    ) -> tuple[Floats, Floats]:
+        """(v,) mm twice: how far the surface may lie off its chords to the profile before, and
+        after, each vertex.
 
         An eighth of its second difference from profile to profile, along the normal beyond what
         noise makes of it, by itself or in the mean along the profile, which is the sagitta of what
@@ -154,7 +173,8 @@ class RangeSurface:
         profiles in a row nothing is known of the bend; there it is an eighth of the usual distance
         between two profiles. Up to ``edges`` mm it counts what an edge between them does, with
         ``slight`` also one of which one profile shows little, with ``ends`` also one before a
-        profile beyond which there is none.
+        profile beyond which there is none. Where the surface is flat further out, an edge to the
+        one side is all of the bend; else it may be on the other.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         off, told = self._sagittas
@@ -163,11 +183,18 @@ class RangeSurface:
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
         off = np.where(np.isnan(off), aside, off)
-        if edges > 0:
-            # Where nothing is known of the bend, no edge that was not seen says there is none.
-            off = np.maximum(off, np.minimum(self._creases(slight, ends), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
-        return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+        off = np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+        if not edges > 0:
+            return off, off
+        back, on = self._creases(slight, ends)
+        # Where nothing is known of the bend, no edge that was not seen says there is none.
+        out = []
+        for own, other, far in ((back, on, before), (on, back, after)):
+            flat = (other > off) & (far >= 0) & (off[far] == 0.0)
+            edge = np.minimum(np.where(flat, own, np.maximum(own, other)), edges)
+            out.append(np.maximum(np.where(flat, 0.0, off), edge))
+        return out[0], out[1]
 
     @cached_property
     def between_lines(self) -> Floats:
@@ -199,7 +226,9 @@ class RangeSurface:
             apart = np.sqrt(np.maximum(long**2 - deep**2, 0.0))
             off = _CORNER * np.nan_to_num(apart * np.abs(deep) / long)
             deeper = np.fmax(*(np.abs(deep - o) * (np.abs(deep) > np.abs(o)) for o in beside))
-            off = np.where(deeper > least * np.sqrt(6.0) * self.sigma, off, 0.0)
+            # Rays and the sheet lead much the same way, the normal may not.
+            noise = self.sigma if self.along is None else np.fmax(self.along, self.sigma)
+            off = np.where(deeper > least * np.sqrt(6.0) * noise, off, 0.0)
         return np.asarray(np.maximum(off, np.where(below < 0, 0.0, off[below])))
 
     @cached_property
@@ -207,8 +236,18 @@ class RangeSurface:
         """(v,) mm twice: second differences from profile to profile, along the normal, and their
         means along the profile; NaN where there are not three in a row."""
         X, (before, after) = self.mesh.vertices, self.neighbours
-        own = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
-        own = np.where((before < 0) | (after < 0), np.nan, own)
+        second, way = X[before] - 2.0 * X + X[after], X[after] - X[before]
+        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        up = self.normals - np.einsum("ij,ij->i", self.normals, way)[:, None] * way
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
+        there = (before >= 0) & (after >= 0)
+        own, square = (
+            np.where(there, np.einsum("ij,ij->i", n, second), np.nan) for n in (self.normals, up)
+        )
+        # Along the chord unlike steps differ on a plane, too, and beside an edge normals lean that
+        # way: three on a line do not bend.
+        straight = self._sagitta(square, self._along(square)) == 0.0
+        own = np.where(straight, square, own)
         return own, self._along(own)
 
     @cached_property
@@ -252,9 +291,9 @@ class RangeSurface:
             ]
             return np.asarray(np.fmax(*apart) <= (_EVEN_ELSE if slight else _EVEN) * self.sigma)
 
-    def _creases(self, slight: bool, ends: bool) -> Floats:
-        """(v,) mm: how far an edge between two profiles stands off their chord, from the second
-        differences along the normal.
+    def _creases(self, slight: bool, ends: bool) -> tuple[Floats, Floats]:
+        """(v,) mm twice: how far an edge between a vertex and the profile before, and after, it
+        stands off their chord, from the second differences along the normal.
 
         An edge that divides a step as t : 1 − t bends the profiles beside it by (1 − t) and t of
         its turn, and stands t (1 − t) of that off the chord: the product of the two bends over
@@ -263,7 +302,7 @@ class RangeSurface:
         none nobody knows how the surface bends there: at the ``ends``, as much as before it.
         """
         (before, after), (second, _) = self.neighbours, self._seconds
-        out = np.zeros(len(second))
+        out = []
         for near, far in ((before, after), (after, before)):
             there = (near >= 0) & (far >= 0)
             beyond = np.where(there, near[near], -1)
@@ -281,8 +320,8 @@ class RangeSurface:
                     np.sqrt(np.maximum(e * np.abs(e) - least**2, 0)) for e in (mine, other)
                 )
                 off = mine * other / (mine + other)
-            out = np.fmax(out, np.where(there, np.nan_to_num(off), 0.0))
-        return out
+            out.append(np.where(there, np.nan_to_num(off), 0.0))
+        return out[0], out[1]
 
     @cached_property
     def at_ends(self) -> Floats:
@@ -330,17 +369,18 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
         raise TypeError("the mesh of a grid knows its steps")
     order = np.argsort(grid.steps, kind="stable")
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
+    measured = grid if grid.origin is None else grid.origin.grid
+    line = mesh.provenance.line
     return RangeSurface(
-        mesh, grid.eyes[at], smoothed_normals(mesh), _random(grid, at, mesh.provenance.line),
-        grid.alike,
+        mesh, grid.eyes[at], smoothed_normals(mesh), _random(measured, at, line), grid.alike,
+        measured.sigma[at, line],
     )  # fmt: skip
 
 
 def _random(grid: RangeGrid, step: Longs, line: Ints) -> Floats | None:
-    """(v,) `RangeSurface.random` of the points measured at these rows and lines of a grid."""
-    measured = grid if grid.origin is None else grid.origin.grid
-    lines = measured.lines_about()
-    some = measured.of_lines(lines)
+    """(v,) `RangeSurface.random` of the points at these rows and lines of a grid as measured."""
+    lines = grid.lines_about()
+    some = grid.of_lines(lines)
     if some.noise is None:
         return None
     with np.errstate(invalid="ignore", divide="ignore"):

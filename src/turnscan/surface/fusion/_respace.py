@@ -100,13 +100,13 @@ def _add(chords: _Chords, surface: RangeSurface, grid: RangeGrid) -> None:
     normals = surface.normals[one] + surface.normals[other]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     rise = kernels.rises(X, surface.bend, surface.ranks, surface.neighbours[1])[one]
-    doubt = surface.between(np.inf, slight=True, ends=True)
+    back, on = surface.beside_profiles(np.inf, slight=True, ends=True)
     # Of a surface that spans the seam alone the last profile counts as the one after the first.
     first = np.where((row[other] - row[one]) % len(grid.steps) == 1, row[one], row[other])
     at = first, p.line[one]
     chords.whole[at] = True
     chords.rise[at] = rise[:, None] * normals
-    chords.doubt[at] = np.maximum(doubt[one], doubt[other])
+    chords.doubt[at] = np.maximum(on[one], back[other])
 
 
 def _between(

@@ -103,7 +103,7 @@ def fuse(
     space = kernels.Space(origin, voxel, ramp, _GRAZING)
     for s, both in zip(parts, looks, strict=True):
         for k in both:
-            kernels.mark(s.mesh.vertices, k.faces, k.eyes, k.cosine, space, used)
+            kernels.mark(s.mesh.vertices, s.mesh.faces[k.faces], k.eyes, k.cosine, space, used)
     if seam:
         used = _dilated(used)
     blocks = np.argwhere(used)
@@ -174,7 +174,8 @@ def _ways(blocks: Longs, ends: Longs) -> Floats:
 class _Look:
     """How faces of a range surface are carried into the volume."""
 
-    faces: Ints
+    faces: Bools
+    """(f,) True for those."""
     eyes: Floats
     cosine: Floats
     weight: float
@@ -182,7 +183,7 @@ class _Look:
 
 def _look(s: RangeSurface) -> _Look:
     """All of them, along the camera's rays."""
-    return _Look(s.mesh.faces, s.eyes, s.cosine, 1.0)
+    return _Look(np.ones(len(s.mesh.faces), dtype=np.bool_), s.eyes, s.cosine, 1.0)
 
 
 def _rim(s: RangeSurface) -> _Look:
@@ -190,7 +191,7 @@ def _rim(s: RangeSurface) -> _Look:
     near = _rings(s, _RIM)[s.mesh.faces].any(axis=1)
     near &= s.cosine[s.mesh.faces].mean(axis=1) > _GRAZING
     known = np.linalg.norm(s.normals, axis=1) > 0.5
-    return _Look(s.mesh.faces[near], s.mesh.vertices + s.normals, known.astype(np.float64), _FAINT)
+    return _Look(near, s.mesh.vertices + s.normals, known.astype(np.float64), _FAINT)
 
 
 def _rings(s: RangeSurface, count: int) -> Bools:
@@ -276,15 +277,17 @@ def _filled(
     between = [s.between(_EDGES * most, slight=True, ends=True) for s in parts]
     known = [
         (Vertices(
-            s.mesh.vertices, _limited(s.sigma, usual), off, s.ranks, s.noise(noise), s.bend, s.alike
+            s.mesh.vertices, _limited(s.sigma, usual), s.ranks, s.noise(noise), s.bend, s.alike
          ), _border_weights(s, usual))
-        for s, off in zip(parts, between, strict=True)
+        for s in parts
     ]  # fmt: skip
     for decide in (True, False):
         first = 0
-        for (vertices, weight), both in zip(known, looks, strict=True):
+        for s, off, (vertices, weight), both in zip(parts, between, known, looks, strict=True):
             for k in both:
-                look = kernels.Look(k.faces, k.eyes, k.cosine, k.weight * weight)
+                look = kernels.Look(
+                    s.mesh.faces[k.faces], k.eyes, k.cosine, k.weight * weight, off[k.faces]
+                )
                 kernels.add(vertices, look, most, first, space, index, decide, volume, source)
             first += len(vertices.points)
     total = volume[kernels.TOTAL]

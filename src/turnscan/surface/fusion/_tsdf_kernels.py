@@ -56,6 +56,8 @@ class Look(NamedTuple):
     """(v,) of incidence."""
     weights: Floats
     """(v,) times the variance."""
+    between: Floats
+    """(f,) mm: how far the surface may lie off its chords to the neighbouring profile."""
 
 
 class Cubes(NamedTuple):
@@ -166,9 +168,9 @@ def add(
     found, the nearer the stronger; then what lies within three sigma of it is averaged. ``source``
     keeps the number (from ``first``) of the vertex nearest to what was seen closest.
     """
-    points, between = vertices.points, vertices.between
+    points = vertices.points
     bend, step = vertices.bend, vertices.step
-    faces, eyes, cosines, weight = look
+    faces, eyes, cosines, weight, between = look
     origin, voxel, ramp, least_cos = space
     inverse = np.empty((3, 3))
     e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
@@ -204,7 +206,7 @@ def add(
                 z0, z1 = _within(t, st, -far, far, z0, z1)
                 for z in range(z0, z1 + 1):
                     u, v = b1 + s1 * z, b2 + s2 * z
-                    noise, own, single, gap = variances(faces[f], u, v, vertices, between)
+                    noise, own, single, gap = variances(faces[f], u, v, vertices, between[f])
                     if gap > most**2:
                         continue
                     rest = 1.0 - u - v

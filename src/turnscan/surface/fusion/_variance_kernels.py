@@ -20,8 +20,6 @@ class Vertices(NamedTuple):
     """(v, 3) mm."""
     sigma: Floats
     """(v,) mm."""
-    between: Floats
-    """(v,) mm: how far the surface may lie off its chords to the neighbouring profiles."""
     step: Ints
     """(v,) the profile of each, in any numbers."""
     noise: Floats
@@ -35,12 +33,12 @@ class Vertices(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def variances(
-    face: Ints, u: float, v: float, vertices: Vertices, between: Floats
+    face: Ints, u: float, v: float, vertices: Vertices, between: float
 ) -> tuple[float, float, float, float]:
     """Variances, mm², of a place on a face, ``u`` and ``v`` its barycentric coordinates for the
     second and the third vertex: of its vertices' noise, which averages out; of all that is known
     of them; the same as if each erred by itself, which is what a place is weighed by; and, to be
-    added, what the surface may do ``between`` (v,) mm the two profiles that the face spans, none of
+    added, what the surface may do ``between`` mm the two profiles that the face spans, none of
     it on them and all half-way.
     """
     a, b, c = face
@@ -57,7 +55,7 @@ def variances(
     step = vertices.step
     part = w + (u if step[b] == step[a] else 0.0) + (v if step[c] == step[a] else 0.0)
     part = min(max(part, 0.0), 1.0)
-    gap = 4.0 * part * (1.0 - part) * max(between[a], between[b], between[c])
+    gap = 4.0 * part * (1.0 - part) * between
     return noise, noise + common * common, single, gap * gap
 
 

@@ -16,6 +16,8 @@ _SIGMAS = 3.0
 """Combined sigma that a merged vertex may lie off a surface that confirms it."""
 _ROUNDED = 0.1
 """Voxels by which a merge rounds its vertices, and carries them on over a border."""
+_LINEAR = 0.008
+"""Voxels, rms, that are left of a surface in the linear interpolation between voxels."""
 _EDGES = 0.99
 """Of what confirms at most: so far an edge between two profiles may carry a surface off them."""
 _ON = 0.3
@@ -89,7 +91,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
             X, np.array(s.mesh.vertices), s.mesh.faces.astype(np.int64)
         )
         corners = s.mesh.faces[face]
-        between = s.between(_EDGES * most, slight=True)[corners].max(axis=1)
+        between = s.between(_EDGES * most, slight=True)[face]
         noise = np.hypot(own[asked], s.sigma[corners].mean(axis=1))
         explained = between + _ROUNDED * voxel
         off = np.sqrt(squared)
@@ -120,7 +122,7 @@ def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: 
     loose = (own > _VAGUE * sure) & (reach > _ON * voxel) & ~guessed & ~afar
     sigma = np.maximum(np.hypot(own, beside), away)
     at_end[np.isinf(at_end)] = 0.0
-    sigma = np.hypot(sigma, np.hypot(lines, _AT_END * at_end))
+    sigma = np.sqrt(sigma**2 + lines**2 + (_AT_END * at_end) ** 2 + (_LINEAR * voxel) ** 2)
     sigma[afar] = np.hypot(sigma[afar], reach[afar] / _UNKNOWN)
     return Witness(out, sigma, guessed, loose, afar)
 
