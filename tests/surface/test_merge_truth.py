@@ -83,11 +83,13 @@ def test_what_one_laser_looked_through_is_no_surface_of_the_other() -> None:
         Provenance(*(np.tile(v, 2) for v in (few.sigma, few.laser, few.step, few.line)), ("L0",)),
     )
     two = RangeSurface(
-        twice, np.tile(screen.eyes, (2, 1)), np.tile(screen.normals, (2, 1)), np.arange(8) / 8
-    )
+        twice, np.tile(screen.eyes, (2, 1)), np.tile(screen.normals, (2, 1)), np.arange(8) / 8,
+        along=np.arange(8) / 4,
+    )  # fmt: skip
     (left, _), count = carved([two, right], 0.3)
     assert count == 2
     assert left.random == pytest.approx(np.arange(4, 8) / 8)
+    assert left.along == pytest.approx(np.arange(4, 8) / 4)
 
 
 def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:

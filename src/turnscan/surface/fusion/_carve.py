@@ -81,7 +81,8 @@ def _part(s: RangeSurface, keep: Bools) -> RangeSurface:
     """The surface of the faces where ``keep`` (f,) is True."""
     used = np.zeros(len(s.mesh.vertices), dtype=np.bool_)
     used[s.mesh.faces[keep]] = True
-    random = None if s.random is None else s.random[used]
+    random, along = (None if v is None else v[used] for v in (s.random, s.along))
     return replace(
-        s, mesh=submesh(s.mesh, keep), eyes=s.eyes[used], normals=s.normals[used], random=random
-    )
+        s, mesh=submesh(s.mesh, keep), eyes=s.eyes[used], normals=s.normals[used], random=random,
+        along=along,
+    )  # fmt: skip
