@@ -116,8 +116,8 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
         ),
         (
             "surface/fusion/_carve.py",
-            "s.random[used]",
-            "s.random[: used.sum()]",
+            "None if v is None else v[used]",
+            "None if v is None else v[: used.sum()]",
             "what is left of a carved surface has the noise of other points",
         ),
         (
