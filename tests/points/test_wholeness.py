@@ -603,6 +603,15 @@ def test_a_flat_face_beside_the_axis_is_doubted_for_nothing(steps):
     assert face.sum() > 500
     doubt = np.sqrt(np.maximum(grid.sigma**2 - grid.noise**2, 0.0)) / grid.noise
     assert np.median(doubt[face]) < 0.3, "0.6 to 0.9 before"
+    # What something cuts on it is doubted: its centre is off by as much as it is narrow.
+    k = int(np.argmax(face.sum(axis=1)))
+    one = stripes[k]
+    stripes[k] = replace(
+        one, position=one.position + 0.5, width=0.6 * one.width, amplitude=0.6 * one.amplitude
+    )
+    cut = build_grid(rig, "L0", stripes, range(steps), angles)
+    more = np.sqrt(np.maximum(cut.sigma**2 - cut.noise**2, 0.0)) / cut.noise
+    assert np.median(more[k][face[k]]) > 2.0
 
 
 def on_a_plate(rig, stripes, angles):

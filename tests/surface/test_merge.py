@@ -302,6 +302,24 @@ def test_points_beside_the_axis_take_no_place_from_a_wall():
     assert 0.5 * np.linalg.norm(sides, axis=1).sum() > 0.98 * area(alone)
 
 
+def test_beside_an_edge_a_plane_does_not_bend_however_unlike_its_steps_are():
+    """A square column: along its sides steps grow towards the edges, and beside these normals lean;
+    what differs between the steps is no bend."""
+    angles = np.deg2rad(np.arange(7.5, 360.0, 15.0))
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    r = 10.0 / np.abs(out).max(axis=1)
+    grid = turned(angles, np.full(30, 1.0), sigma=0.002)
+    points = grid.points + (r - 1.0)[:, None, None] * out[:, None]
+    (one,) = range_surfaces(replace(grid, points=points))
+    ends = np.sort(one.ranks[one.mesh.faces], axis=1)[:, [0, 2]]
+    # Edges at 45°, 135° …: after the third profile of each quarter.
+    over = (ends[:, 1] - ends[:, 0] == 1) & (ends[:, 0] % 6 == 2)
+    between = one.between(edges=np.inf)
+    assert over.sum() == len(over) // 6
+    assert between[over].min() > 1.0
+    assert between[~over].max() < 1e-6
+
+
 def test_noise_along_rays_makes_no_step_between_lines_where_little_of_it_leads_off_the_surface():
     """A tube whose points err along the rays by ten times what they do off it, as where light
     grazes: without that every second chord leads deeper than those beside it."""

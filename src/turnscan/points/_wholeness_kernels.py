@@ -247,9 +247,8 @@ def straight_beyond(
     for k in range(span[0], span[1]):
         for j in range(points.shape[1]):
             for sign in (1, -1):
-                if not np.isnan(points[k, j, 0]) and _linked(points, arc, k, j, sign, closed) < 0:
-                    on = _linked(points, arc, k, j, sign, closed, True)
-                    out[k, j] = out[k, j] or on >= 0
+                if _linked(points, arc, k, j, sign, closed) < 0:
+                    out[k, j] = out[k, j] or _linked(points, arc, k, j, sign, closed, True) >= 0
 
 
 @njit(cache=True, nogil=True)
@@ -354,8 +353,8 @@ def further_in(
     """The walk of `across` on the plane of the profiles ``far`` and one more steps off.
 
     As the light of each point's own step sees it. Writes into ``walk`` (2, s, n), full of NaN, for
-    the steps of a ``span``; NaN stays where one on the way is no neighbour, or the two are less
-    than ``least`` mm apart.
+    the steps of a ``span``; NaN stays where one on the way is no neighbour, or no other further on
+    lies ``least`` mm from the first (`_plane_beside`).
     """
     places = points, eyes, sheets, arc
     for k in range(span[0], span[1]):
@@ -431,8 +430,8 @@ def folded(
     for the m steps of a ``span``: px that the centre is off; how much wider a stripe is on the
     plane after, and on that before, in the light of the point's own step than in that of the
     profile there, as the table turns them; and how much more light they send in it. NaN stays where
-    one on the way is no neighbour, where the two of a side are less than ``least`` mm apart, or
-    where both sides lie on one of the sheet.
+    one on the way is no neighbour, where no two of a side are ``least`` mm apart, or where both
+    sides lie on one of the sheet.
     """
     places = points, eyes, sheets, arc
     thickness, far = sheet

@@ -35,10 +35,10 @@ class Decimation:
 
 def decimation(text: str) -> Decimation:
     """``0.05mm`` is a tolerance, ``100000`` or ``1e5`` a number of faces. Raises ValueError."""
-    told = text.strip().lower()
-    in_mm = told.endswith("mm")
+    given = text.strip().lower()
+    in_mm = given.endswith("mm")
     try:
-        size = float(told.removesuffix("mm"))
+        size = float(given.removesuffix("mm"))
     except ValueError:
         size = math.nan
     if not math.isfinite(size) or (in_mm and size <= 0):
@@ -46,7 +46,7 @@ def decimation(text: str) -> Decimation:
     if in_mm:
         return Decimation(tolerance=size)
     if not size.is_integer():
-        raise ValueError(f"{text!r} is not a number of faces; give a length as {told}mm.")
+        raise ValueError(f"{text!r} is not a number of faces; give a length as {given}mm.")
     if size < 4:
         raise ValueError(f"{text!r} faces are not a surface; a tolerance ends in mm.")
     return Decimation(faces=int(size))
