@@ -71,7 +71,7 @@ def _found(electrons: Floats, centre: Floats, full: float | None, flag: StripeFl
     there = stripe.found
     return Told(
         (stripe.position - centre)[there], stripe.sigma[there],
-        ((stripe.flags & flag) != 0)[there].astype(np.float64), stripe.table()[-1, there],
+        ((stripe.flags & flag) != 0)[there].astype(np.float64), stripe.table()[4, there],
     )  # fmt: skip
 
 

@@ -147,7 +147,7 @@ def _repaired(
             if edit.line >= n:
                 return None
             usual = [_usual(stripe.amplitude), _usual(stripe.width)]
-            row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]], [np.nan]])
+            row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]], [np.nan], [np.nan]])
             by_hand = np.full(1, StripeFlag.HAND, dtype=np.uint16)
             return _with_rows(stripe, np.array([edit.line], np.int32), row, by_hand)
         case PickCandidate():
@@ -176,7 +176,7 @@ def _picked(stripe: Stripe, edit: PickCandidate, found: Candidates) -> Stripe | 
 
 
 def _with_rows(stripe: Stripe, rows: Ints, table: Floats, flags: Flags) -> Stripe:
-    """The stripe with the measures (5, n) of some lines replaced."""
+    """The stripe with the measures (6, n) of some lines replaced."""
     whole = stripe.table()
     whole[:, rows] = table
     bits = stripe.flags.copy()

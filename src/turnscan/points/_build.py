@@ -85,10 +85,7 @@ def build_grid(
     light, flags = np.stack([s.amplitude for s in stripes]), np.stack([s.flags for s in stripes])
     # Lines before the first one with a point and after the last tell nothing of any other.
     lines = lines_about(np.stack([s.found for s in stripes]))
-    position, sigma, width = (
-        np.stack([getattr(s, name)[lines] for s in stripes])
-        for name in ("position", "sigma", "width")
-    )
+    position, sigma, _, width, _, skew = np.stack([s.table()[:, lines] for s in stripes], axis=1)
     points, scale, behind = _met(rig, laser, position, lines.start, turns, vertical)
     lost = ~np.isnan(position) & np.isnan(points[..., 0])
     eye = rig.T_camera_table.inverse().translation
@@ -113,7 +110,7 @@ def build_grid(
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
-        grid = _judged(grid, rig, width, scale, shaky, vertical)
+        grid = _judged(grid, rig, (width, skew), scale, shaky, vertical)
     return grid.among(lines, light, flags)
 
 
@@ -187,37 +184,42 @@ def _believable(sigma: Floats, width: Floats, light: Floats, flags: Flags) -> Fl
 
 
 def _judged(
-    grid: RangeGrid, rig: Rig, width: Floats, scale: Floats, shaky: Floats, vertical: bool
+    grid: RangeGrid,
+    rig: Rig,
+    light: tuple[Floats, Floats],
+    scale: Floats,
+    shaky: Floats,
+    vertical: bool,
 ) -> RangeGrid:
-    """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
+    """The grid with what the stripes' width and skew, ``light`` (s, n) px and (s, n), and the angles' uncertainty ``shaky``
     (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
-    seen = _lit_points(grid, rig, width, vertical)
-    light = wholeness(seen)
+    seen = _lit_points(grid, rig, light, vertical)
+    whole = wholeness(seen)
     # A centre that was refined by its own surface element does not depend on the stripe's width.
     single = (grid.flags & StripeFlag.REFINED) == 0
-    glow = light.glow & single
+    glow = whole.glow & single
     if glow.any():
         # What was taken for a surface there misled the judgement of all about it.
         grid = without(grid, glow, StripeFlag.DARK)
         if not grid.found.any():
             return grid
-        seen = _lit_points(grid, rig, width, vertical)
-        light = wholeness(seen)
-    light = replace(light, doubt=straight_on(seen, light.doubt, light.shift))
+        seen = _lit_points(grid, rig, light, vertical)
+        whole = wholeness(seen)
+    whole = replace(whole, doubt=straight_on(seen, whole.doubt, whole.shift))
     # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
-    thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
-    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
-    bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
-    thin = thin_doubt(seen, thick) * (bent == 0.0) if thick > 0 else np.zeros(width.shape)
+    thick = whole.thickness or rig.sheet(grid.laser).thickness or 0.0
+    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(scale.shape)
+    bent = np.where(whole.shift != 0.0, 0.0, bent)  # what is cut has its own
+    thin = thin_doubt(seen, thick) * (bent == 0.0) if thick > 0 else np.zeros(scale.shape)
     points = np.empty_like(grid.points)
     sigma, more = np.empty_like(grid.sigma), np.empty_like(grid.sigma)
     common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
 
     def part(a: int, b: int) -> None:
         along, X = seen.along[a:b], grid.points[a:b]
-        carried = np.hypot(X[..., 0], X[..., 1]) * shaky[a:b, None] * light.slide[a:b]
-        doubt = np.hypot(light.doubt[a:b], _CURVED * bent[a:b])
-        points[a:b] = X - along * ((light.shift[a:b] + bent[a:b]) * single[a:b])[..., None]
+        carried = np.hypot(X[..., 0], X[..., 1]) * shaky[a:b, None] * whole.slide[a:b]
+        doubt = np.hypot(whole.doubt[a:b], _CURVED * bent[a:b])
+        points[a:b] = X - along * ((whole.shift[a:b] + bent[a:b]) * single[a:b])[..., None]
         more[a:b] = np.hypot(doubt * scale[a:b], thin[a:b]) * single[a:b]
         sigma[a:b] = np.sqrt(grid.sigma[a:b] ** 2 + more[a:b] ** 2 + carried**2)
         if common is not None:
@@ -225,14 +227,14 @@ def _judged(
             common[a:b] = np.nan_to_num(along * shift[..., None])
 
     in_parts(part, len(points), _blocks(len(points)))
-    sigma = np.where(single, _doubted_alike(sigma, more, light.near, grid.closed), sigma)
-    edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
+    sigma = np.where(single, _doubted_alike(sigma, more, whole.near, grid.closed), sigma)
+    edge = np.where(whole.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
         points=handed_over(points, nan=True),
         sigma=handed_over(sigma, nan=True),
         flags=handed_over(grid.flags | edge),
-        thickness=light.thickness,
+        thickness=whole.thickness,
         light_doubt=None if common is None else handed_over(common),
     )
 
@@ -261,8 +263,11 @@ def _both_sides(doubt: Floats, closed: bool) -> Floats:
     return np.asarray(beside)
 
 
-def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:
-    """What is known of the light of a grid that knows where its camera stood."""
+def _lit_points(
+    grid: RangeGrid, rig: Rig, light: tuple[Floats, Floats], vertical: bool
+) -> LitPoints:
+    """What is known of the ``light`` of a grid, of its width and skew, that knows where its camera
+    stood."""
     assert grid.eyes is not None
     T, sheet = rig.T_camera_table, rig.sheet(grid.laser)
     found, turn = grid.found, rotation_z(grid.angles)
@@ -281,8 +286,8 @@ def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> Lit
 
     in_parts(part, len(found), _blocks(len(found)))
     return LitPoints(
-        grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed,
-        float(np.median(grid.sigma[found])), sheet.thickness or 0.0,
+        grid.points, grid.eyes, aside, sheets, light[0], grid.amplitude, grid.angles, grid.closed,
+        float(np.median(grid.sigma[found])), sheet.thickness or 0.0, light[1],
     )  # fmt: skip
 
 

@@ -36,6 +36,9 @@ class LitPoints:
     """mm: how far noise usually moves a point."""
     stated: float = 0.0
     """mm rms: how thick the rig says that the sheet is; 0 where it does not."""
+    skew: Floats | None = None
+    """(s, n) third standardised moment of the light; NaN where missing, None where nothing
+    measured it."""
 
     @cached_property
     def arcs(self) -> Floats:

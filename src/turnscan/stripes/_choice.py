@@ -236,7 +236,7 @@ def restrict_lines(table: Floats, bits: Flags, inside: Bools, beyond: Floats) ->
 def gather(
     table: Floats, bits: Flags, chosen: Ints, beyond: Floats, out: Floats, flags: Flags
 ) -> None:
-    """Copy the chosen candidates into ``out`` (5, lines), and flag where the stripe ends.
+    """Copy the chosen candidates into ``out`` (6, lines), and flag where the stripe ends.
 
     It goes on where a centre of the next line is near, be it one ``beyond`` the region that counts.
     """
@@ -348,7 +348,7 @@ def choose_lines(
     out: Floats,
     flags: Flags,
 ) -> float:
-    """From all candidates to ``out`` (5, lines) and ``flags`` (lines): choose, gather, flag.
+    """From all candidates to ``out`` (6, lines) and ``flags`` (lines): choose, gather, flag.
 
     ``with_scatter`` raises the sigmas to the scatter of the centres along the stripe; ``beyond``
     (lines, J) are the centres outside the region that counts. The `scatter` is returned: 0

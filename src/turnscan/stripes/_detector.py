@@ -17,7 +17,7 @@ from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
 def centres_of(
     detector: Detector | Plugin, lit: Image, dark: Image, settings: StripeSettings, most: int
 ) -> tuple[Floats, Flags]:
-    """Ask a detector: (5, n, most) position, sigma, amplitude, width, halo, and (n, most) flags.
+    """Ask a detector: (6, n, most) position, sigma, amplitude, width, halo, skew, and (n, most) flags.
 
     Centres are in ascending order, those that are too many left out from the faintest.
     Raises PluginError where it fails or returns what cannot be.
@@ -70,7 +70,7 @@ def _trouble(table: Floats, shape: tuple[int, ...]) -> str:
     rows, columns = shape
     if table.shape[1] != rows:
         return f"{table.shape[1]} rows for a picture of {rows}"
-    position, sigma, amplitude, width, _ = table
+    position, sigma, amplitude, width = table[:4]
     there: Bools = ~np.isnan(position)
     if not there.any():
         return ""

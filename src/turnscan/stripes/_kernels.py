@@ -39,7 +39,13 @@ from turnscan.stripes._list import (
     find_kin,
     list_candidates,
 )
-from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, variance_of
+from turnscan.stripes._measure import (
+    HALF_WINDOW,
+    accumulate,
+    centre_window,
+    skew_of,
+    variance_of,
+)
 from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, Terms, first_pass, usual_peak
 from turnscan.stripes._strategies import (
     BLAIS_RIOUX,
@@ -217,6 +223,9 @@ def write_down(
         table[1, v, j] = math.sqrt(variance)
         table[2, v, j] = amplitude
         table[3, v, j] = math.sqrt(some[i, SECOND])
+        ends = left, right
+        level = some[i, PEDESTAL] + terms.base
+        table[5, v, j] = skew_of(lit, dark, (v, w), some[i, CENTRE] + left, table[3, v, j], ends, level)
         bits[v, j] = flags
 
 
@@ -272,7 +281,7 @@ def measure_candidates(
 def detect_lines(
     lit: Image, dark: Image, roi: Region, terms: Terms, table: Floats, bits: Flags
 ) -> None:
-    """Fill ``table`` (5, H, K: position, sigma, amplitude, width, halo) and ``bits`` (H, K).
+    """Fill ``table`` (6, H, K: position, sigma, amplitude, width, halo, skew) and ``bits`` (H, K).
 
     Both come filled with NaN and zeros.
     """

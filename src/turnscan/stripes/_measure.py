@@ -19,6 +19,11 @@ HALF_WINDOW = 2.5
 MIN_HALF_WINDOW = 0.9
 """px: less than this cannot see both sides of a stripe."""
 
+SKEW_WINDOW, LEAST_SKEW_WINDOW = 3.0, 1.5
+"""Half window of the third moment in rms widths: the tails decide; and px, at least."""
+LEAST_SECOND = 0.05
+"""px²: no light has less, through pixels; noise may seem to."""
+
 BESIDE = 1.5
 """px from the middle of a falling end of the window to where it has ended."""
 FLANK = 4
@@ -157,6 +162,40 @@ def moments(
                 s2 += covers[r] * q * d * d
                 lacks += falls[r] * q * abs(d)
     return s0, s1, s2, lacks
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def skew_of(
+    lit: Image, dark: Image, row: tuple[int, int], c: float, width: float, ends: tuple[int, int],
+    level: float,
+) -> float:  # fmt: skip
+    """Third standardised moment of the light above a ``level`` within ± `SKEW_WINDOW` widths.
+
+    Of the line ``row`` of ``lit`` and ``dark``, not beyond the pixels ``ends`` of the candidate.
+    What an edge cuts falls off on one side only; the skew does not depend on how thick the sheet is
+    or how its surface lies. NaN where there is no light.
+    """
+    h = max(SKEW_WINDOW * width, LEAST_SKEW_WINDOW)
+    first = max(int(math.ceil(c - h - 0.5)), ends[0])
+    last = min(int(math.floor(c + h + 0.5)), ends[1])
+    v, w = row
+    s0 = s1 = s2 = s3 = 0.0
+    for x in range(first, last + 1):
+        d = x - c
+        part = min(h + 0.5 - abs(d), 1.0)
+        q = part * (np.float64(lit[v, x]) - np.float64(dark[w, x]) - level)
+        s0 += q
+        q *= d
+        s1 += q
+        q *= d
+        s2 += q
+        s3 += q * d
+    if s0 <= 0.0:
+        return math.nan
+    m = s1 / s0
+    second = s2 / s0 - m * m
+    third = s3 / s0 - m * (3.0 * s2 / s0 - 2.0 * m * m)
+    return third / max(second, LEAST_SECOND) ** 1.5
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -14,8 +14,10 @@ from turnscan.arrays import Flags, Floats, frozen
 
 Orientation = Literal["vertical", "horizontal"]
 """vertical: one centre per image row (its column); horizontal: one centre per column (its row)."""
-MEASURES = 5
-"""Rows of a table of centres: position, sigma, amplitude, width, halo."""
+MEASURES = 6
+"""Rows of a table of centres: position, sigma, amplitude, width, halo, skew."""
+_OPTIONAL = ("halo", "skew")
+"""Those that are None where nothing measured them."""
 
 
 class StripeFlag(IntFlag):
@@ -72,11 +74,15 @@ class Stripe:
     """(n,) px: how far light that spread in the material is estimated to have moved the centre,
     towards higher numbers if positive, where it is flagged HALO; NaN elsewhere and where the tails
     do not tell. None where nothing looked for it."""
+    skew: Floats | None = None
+    """(n,) third standardised moment of the light in the window: 0 for light that is alike on both
+    sides of its centre, positive with the longer tail towards higher numbers; NaN where missing.
+    None where nothing measured it."""
 
     def __post_init__(self) -> None:
         n = len(self.position)
-        for name in ("position", "sigma", "amplitude", "width", "halo"):
-            if name != "halo" or self.halo is not None:
+        for name in ("position", "sigma", "amplitude", "width", *_OPTIONAL):
+            if name not in _OPTIONAL or getattr(self, name) is not None:
                 values = frozen(getattr(self, name), (n,), f"Stripe.{name}", nan=True)
                 object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, (n,), "Stripe.flags", np.uint16))
@@ -87,13 +93,13 @@ class Stripe:
     ) -> Stripe:
         """A stripe of fresh arrays that no one else writes to: kept as they are, not checked.
 
-        ``table`` (5, n) is position, sigma, amplitude, width and halo, ``flags`` (n,) uint16; both
-        become read-only. For the detector, where checks and copies would cost a frame's twentieth.
+        ``table`` (6, n) is position, sigma, amplitude, width, halo and skew, ``flags`` (n,) uint16;
+        both become read-only. For the detector, where checks and copies would cost a frame's twentieth.
         """
         table.flags.writeable = False
         flags.flags.writeable = False
         stripe = object.__new__(cls)
-        position, sigma, amplitude, width, halo = table
+        position, sigma, amplitude, width, halo, skew = table
         stripe.__dict__.update(
             position=position,
             sigma=sigma,
@@ -103,6 +109,7 @@ class Stripe:
             orientation=orientation,
             scatter=scatter,
             halo=halo,
+            skew=skew,
         )
         return stripe
 
@@ -147,14 +154,14 @@ class Stripe:
         return math.nan
 
     def alone(self) -> Floats:
-        """(5, n) as `table`, with the sigmas that the photons explain."""
+        """(6, n) as `table`, with the sigmas that the photons explain."""
         table = self.table()
         photons = table[1] ** 2 - np.nan_to_num(self.scatter) * table[3]
         table[1] = np.sqrt(np.maximum(photons, 0.0))
         return table
 
     def table(self) -> Floats:
-        """(5, n) position, sigma, amplitude, width, halo: a copy."""
+        """(6, n) position, sigma, amplitude, width, halo, skew: a copy."""
         return _table(self)
 
     @property
@@ -190,13 +197,15 @@ class Candidates:
     be chosen; they tell where a stripe goes on across the region's border."""
     halo: Floats | None = None
     """(n, K) px, as `Stripe.halo`."""
+    skew: Floats | None = None
+    """(n, K), as `Stripe.skew`."""
 
     def __post_init__(self) -> None:
         shape = self.position.shape
         if len(shape) != 2:
             raise ValueError(f"Candidates.position: shape {shape}, expected (lines, K)")
-        for name in ("position", "sigma", "amplitude", "width", "halo"):
-            if name != "halo" or self.halo is not None:
+        for name in ("position", "sigma", "amplitude", "width", *_OPTIONAL):
+            if name not in _OPTIONAL or getattr(self, name) is not None:
                 values = frozen(getattr(self, name), shape, f"Candidates.{name}", nan=True)
                 object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, shape, "Candidates.flags", np.uint16))
@@ -208,16 +217,16 @@ class Candidates:
     def made_of(
         cls, table: Floats, flags: Flags, orientation: Orientation, beyond: Floats | None = None
     ) -> Candidates:
-        """Candidates of a table (5, n, K) of position, sigma, amplitude, width and halo."""
-        position, sigma, amplitude, width, halo = table
-        return cls(position, sigma, amplitude, width, flags, orientation, beyond, halo)
+        """Candidates of a table (6, n, K) of position, sigma, amplitude, width, halo and skew."""
+        position, sigma, amplitude, width, halo, skew = table
+        return cls(position, sigma, amplitude, width, flags, orientation, beyond, halo, skew)
 
     def table(self) -> Floats:
-        """(5, n, K) position, sigma, amplitude, width, halo: a copy."""
+        """(6, n, K) position, sigma, amplitude, width, halo, skew: a copy."""
         return _table(self)
 
 
 def _table(of: Stripe | Candidates) -> Floats:
     nothing = np.full(of.position.shape, np.nan)
-    last = nothing if of.halo is None else of.halo
-    return np.stack([of.position, of.sigma, of.amplitude, of.width, last])
+    more = [nothing if v is None else v for v in (of.halo, of.skew)]
+    return np.stack([of.position, of.sigma, of.amplitude, of.width, *more])

@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.scan import Scan, ScanPlan, lit_in, rig_for
-from turnscan.stripes import Detector, Orientation, Stripe
+from turnscan.stripes import MEASURES, Detector, Orientation, Stripe
 from turnscan.workflows._options._reconstruct import ReconstructOptions
 
 
@@ -41,6 +41,8 @@ class ScanStripes:
     orientation: Orientation
     halo: Floats
     """(s, n) px by which halos are estimated to move ``position``, NaN where nothing tells."""
+    skew: Floats
+    """(s, n) third standardised moment of the light (`Stripe.skew`), NaN where there is none."""
 
     @property
     def found(self) -> Bools:
@@ -54,8 +56,8 @@ class ScanStripes:
     def stripe(self, k: int) -> Stripe:
         """The stripe of the k-th frame."""
         own = (self.position[k], self.sigma[k], self.amplitude[k], self.width[k])
-        scatter, halo = float(self.scatter[k]), self.halo[k]
-        return Stripe(*own, self.flags[k], self.orientation, scatter, halo)
+        more = float(self.scatter[k]), self.halo[k], self.skew[k]
+        return Stripe(*own, self.flags[k], self.orientation, *more)
 
 
 def stripes_of(
@@ -101,21 +103,22 @@ def _arrays(
 ) -> ScanStripes:
     lines = plan.height if plan.orientation == "vertical" else plan.width
 
-    def rows(name: str) -> Floats:
-        return np.array([getattr(s, name) for s in found]).reshape(len(found), lines)
-
-    flags = rows("flags").astype(np.uint16)
+    shape = len(found), lines
+    flags = np.array([s.flags for s in found], np.uint16).reshape(shape)
+    tables = np.array([s.table() for s in found]).reshape(shape[0], MEASURES, lines)
+    position, sigma, amplitude, width, halo, skew = tables.transpose(1, 0, 2)
     numbers = np.array(steps, np.int32)
     return ScanStripes(
         laser,
         numbers,
         np.array(angles),
-        rows("position"),
-        rows("sigma"),
-        rows("amplitude"),
-        rows("width"),
+        position,
+        sigma,
+        amplitude,
+        width,
         flags,
         np.array([s.scatter for s in found], np.float64),
         plan.orientation,
-        np.array([s.table()[-1] for s in found]).reshape(len(found), lines),
+        halo,
+        skew,
     )
