@@ -224,6 +224,16 @@ def _round(walk: Floats, seen: tuple[Floats, Floats], left: Floats) -> Bools:
         return np.asarray(one & (left >= (1 - _SURE) * np.cos(turned.mean(axis=0))))
 
 
+def due_on_facing(
+    light: LitPoints,
+    at: tuple[Longs, ...],
+    thickness: float,
+    due_on: Callable[[Floats], Floats],
+) -> Floats:
+    """(m,) px: how wide whole stripes are at those places on surfaces that face the camera."""
+    return _due(_facing(light, at)[0], thickness, due_on)
+
+
 def _due(walk: Floats, thickness: float, due_on: Callable[[Floats], Floats]) -> Floats:
     """(m,) px: how wide whole stripes are on surfaces that lie so to the light."""
     due = due_on(np.tile(walk, (2, 1, 1)))[0, 0]

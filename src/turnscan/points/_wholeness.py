@@ -26,7 +26,7 @@ from turnscan.points._creased import (
 )
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
-from turnscan.points._lopsided import lopsided
+from turnscan.points._lopsided import by_skew
 from turnscan.points._own_light import Alone, Own, afore, by_own_light, runs_of, spent, strays
 from turnscan.threads import in_parts
 
@@ -145,7 +145,6 @@ def wholeness(light: LitPoints) -> Wholeness:
     bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = light.arcs
     own, thickness, still = _lying(light, found, width, bright, arcs)
-    own = _believed(own, light, found)
     sizes = apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
@@ -153,21 +152,6 @@ def wholeness(light: LitPoints) -> Wholeness:
     doubt = np.maximum(own.doubt, more - np.abs(own.shift))
     about = np.fmax(_steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
     return replace(own, doubt=np.fmax(doubt, _STRETCH * about))
-
-
-def _believed(own: Wholeness, light: LitPoints, found: Bools) -> Wholeness:
-    """What widths and light say of the stripes, as far as these are lopsided (`lopsided`).
-
-    Not where light is wide and dim: what other surfaces throw there is alike on both sides.
-    """
-    if light.skew is None:
-        return own
-    part = lopsided(light.skew, found & ((own.doubt > 0.0) | (own.shift != 0.0)))
-    bright, wide = (np.nanmedian(v[found]) for v in (light.amplitude, light.width))
-    with np.errstate(invalid="ignore"):
-        part[(light.amplitude < _GLOW_LIGHT * bright) & (light.width > wide)] = 1.0
-    doubt = np.hypot(own.doubt, (1.0 - part) * own.shift)
-    return replace(own, doubt=part * doubt, shift=part * own.shift)
 
 
 def _otherwise(shift: Floats, found: Bools) -> Floats:
@@ -241,6 +225,8 @@ def _lying(
     blind = (fine < KNOWN) & (~agree | (doubt > 0)) & ~still
     alone = Alone(lone, still, blind, agree)
     doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
+    if light.skew is not None:
+        shift, doubt = by_skew(light, lit, (shift, doubt), thickness, due_on)
     seen = thickness if told else 0.0
     # Where widths do not tell how far the light reaches over an edge, what the rig says counts.
     reach = seen or light.stated
