@@ -26,15 +26,16 @@ _CUT = 0.25
 at its middle is 1.0, with the blur of pixels a third as wide 0.6; cut twice its width beside it
 0.2, and its centre is off by a twentieth of it. A cut moves the centre with the square of the skew
 that it makes."""
-_END = 4
+_END = 6
 _LEAST = 0.12
 """Part of its doubt that a stripe keeps without any skew: cut alike on both sides, or cut on one
 and lit by another surface on the other."""
 _SURE = 3.0
-_MOST = 0.45
-_TOO_NARROW, _AS_DUE = 0.65, 0.9
+_MOST = 0.3
+_TOO_NARROW, _AS_DUE = 0.6, 0.76
 _MODEST = 0.4
-_SLIGHT, _MOVES = 0.65, 0.5
+_WIDE, _MOVES_WIDE = 1.15, 0.2
+_SLIGHT, _MOVES, _LEFT, _PUT_BACK = 0.65, 0.5, 0.5, 0.8
 _DIM = 0.35
 _OF_MEDIAN, _OF_GAUSS = 1.4826, 1.2533
 """Of a Gaussian: sigma over the median of what is off, and that of a median over that of a mean."""
@@ -46,7 +47,7 @@ def by_skew(
     judged: tuple[Floats, Floats],
     thickness: float,
     due_on: Callable[[Floats], Floats],
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats, Floats]:
     """Shift and doubt (s, n) px, as `Wholeness` has them, of what is ``judged`` so by its width and
     light, by its skew.
     """
@@ -59,10 +60,11 @@ def by_skew(
     with np.errstate(invalid="ignore"):
         part[(light.amplitude < _DIM * bright) & (light.width > wide)] = 1.0
     # What is not lopsided was not cut, and was put back for nothing.
-    doubt = part * np.hypot(doubt, (1.0 - part) * shift)
-    shift = part * shift
+    doubt, shift = np.hypot(doubt, (1.0 - part) * shift), part * shift
+    part[_ends(found)] = 1.0
+    doubt = part * doubt
     if not thickness > 0:
-        return shift, doubt
+        return shift, doubt, part
     size = np.abs(about)
     with np.errstate(invalid="ignore"):
         sure = (size > _SURE * noise) & (shift == 0.0)
@@ -73,10 +75,12 @@ def by_skew(
         ratio = width / due
         with np.errstate(invalid="ignore"):
             cut = (ratio > _TOO_NARROW) & (ratio < _AS_DUE) & (size < _MODEST)
-        size = np.minimum(size, _MOST) * width
-        shift[at] = np.where(cut, sign * _SLIGHT * size, 0.0)
-        doubt[at] = np.maximum(doubt[at], np.nan_to_num(_MOVES * size))
-    return shift, doubt
+        shift[at] = np.where(cut, np.nan_to_num(sign * _SLIGHT * size * width), 0.0)
+        with np.errstate(invalid="ignore"):
+            moves = np.where(ratio > _WIDE, _MOVES_WIDE, _MOVES)
+        moves = np.where(cut, _LEFT * size, moves * np.minimum(size, _MOST)) * width
+        doubt[at] = np.maximum(np.where(cut, _PUT_BACK, 1.0) * doubt[at], np.nan_to_num(moves))
+    return shift, doubt, part
 
 
 def _lopsided(skew: Floats, doubted: Bools) -> tuple[Floats, Floats, Floats]:
@@ -95,7 +99,7 @@ def _lopsided(skew: Floats, doubted: Bools) -> tuple[Floats, Floats, Floats]:
         return none, none, np.ones(skew.shape)
     middle = float(np.median(usual[there]))
     common = _OF_MEDIAN * float(np.median(np.abs(usual[there] - middle)))
-    single = _OF_GAUSS * _OF_MEDIAN * float(np.median(np.abs(sound[there] - usual[there])))
+    single = _OF_GAUSS * _OF_MEDIAN * _about(np.abs(skew - _about(skew)))
     masked = np.where(doubted, skew, np.nan)
     count = np.where(doubted, _lines_about(~np.isnan(masked)), _lines_about(~np.isnan(sound)))
     noise = np.maximum(common, single / np.sqrt(np.maximum(count, 1)))
@@ -103,7 +107,6 @@ def _lopsided(skew: Floats, doubted: Bools) -> tuple[Floats, Floats, Floats]:
     near = np.where(doubted, _about(masked, _NEAR), _about(sound, _NEAR)) - middle
     chance = single**2 / (2 * _NEAR + 1)
     part = np.hypot(np.maximum(far**2 + noise**2, near**2 - chance) / _CUT**2, _LEAST)
-    part[_ends(~np.isnan(skew))] = 1.0
     return far, noise, np.asarray(np.minimum(np.nan_to_num(part, nan=1.0), 1.0))
 
 

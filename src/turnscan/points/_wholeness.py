@@ -144,11 +144,14 @@ def wholeness(light: LitPoints) -> Wholeness:
     width = _steady(np.where(found, light.width, np.nan))
     bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = light.arcs
-    own, thickness, still = _lying(light, found, width, bright, arcs)
+    own, thickness, still, part = _lying(light, found, width, bright, arcs)
     sizes = apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
-    more = np.maximum(more, _faint_between(width, width * bright, arcs, thickness, light.closed))
+    faint = _faint_between(width, width * bright, arcs, thickness, light.closed)
+    with np.errstate(invalid="ignore"):
+        lit = bright >= _DIM * np.nanmedian(bright)
+    more = np.maximum(more, np.where(lit, part, 1.0) * faint)
     doubt = np.maximum(own.doubt, more - np.abs(own.shift))
     about = np.fmax(_steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
     return replace(own, doubt=np.fmax(doubt, _STRETCH * about))
@@ -165,7 +168,7 @@ def _otherwise(shift: Floats, found: Bools) -> Floats:
 
 def _lying(
     light: LitPoints, found: Bools, width: Floats, bright: Floats, arcs: Floats
-) -> tuple[Wholeness, float, Bools]:
+) -> tuple[Wholeness, float, Bools, Floats]:
     """What the surface's slopes say of the stripes, as wide (s, n) px and bright (s, n) grey levels
     as they are about each; the sheet's thickness, mm, or what is taken for it; and True (s, n) for
     points that no turn moves."""
@@ -225,14 +228,15 @@ def _lying(
     blind = (fine < KNOWN) & (~agree | (doubt > 0)) & ~still
     alone = Alone(lone, still, blind, agree)
     doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
+    part = np.ones(doubt.shape)
     if light.skew is not None:
-        shift, doubt = by_skew(light, lit, (shift, doubt), thickness, due_on)
+        shift, doubt, part = by_skew(light, lit, (shift, doubt), thickness, due_on)
     seen = thickness if told else 0.0
     # Where widths do not tell how far the light reaches over an edge, what the rig says counts.
     reach = seen or light.stated
     near = (fineness(arcs, reach) >= 1.0) & (reach > 0)
     own = Wholeness(shift, doubt, tail, glow, slide, near, seen)
-    return own, thickness, still
+    return own, thickness, still, part
 
 
 def _going_on(light: LitPoints, arcs: Floats) -> Bools:
