@@ -32,18 +32,23 @@ def laid(mesh: Mesh, grids: list[RangeGrid], believed: Rig, made: Bench) -> tupl
     """Lay a surface that the ``believed`` rig measured onto the part as it stands on the bench.
 
     First by where both rigs say that the table stands, then by least squares along the part's
-    normals. Comes with how far the calibration's covariance moves each vertex (v,) along the
-    normal, mm, one sigma, the six freedoms of the fit taken out of that, too.
+    normals, each vertex for what it states: what says that it may be a millimetre off, as the gaps
+    of a gear in coarse steps do, would turn the whole. Comes with how far the calibration's
+    covariance moves each vertex (v,) along the normal, mm, one sigma, the six freedoms of the fit
+    taken out of that, too.
     """
     pose = made.rig.T_camera_table.inverse() @ believed.T_camera_table
     part = made_mesh(made)
+    p = mesh.provenance
+    sure = 1.0 / p.sigma if p is not None else np.ones(len(mesh.vertices))
     few = np.arange(0, len(mesh.vertices), max(1, len(mesh.vertices) // _SOME))
     for k in range(_ROUNDS):
         X = pose.apply(mesh.vertices[few])
         off, normal = _against(X, part)
         near = np.abs(off) <= max(_FAR * np.median(np.abs(off)), _FIRST * _LESS**k)
         modes = _modes(X[near], normal[near])
-        v = np.linalg.lstsq(modes, -off[near], rcond=None)[0]
+        weight = sure[few][near]
+        v = np.linalg.lstsq(modes * weight[:, None], -off[near] * weight, rcond=None)[0]
         pose = Pose(rotation_from_vector(v[:3]), v[3:]) @ pose
     there = pose.apply(mesh.vertices)
     normal = _against(there, part)[1]

@@ -147,7 +147,9 @@ def _repaired(
             if edit.line >= n:
                 return None
             usual = [_usual(stripe.amplitude), _usual(stripe.width)]
-            row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]], [np.nan], [np.nan]])
+            row = np.array(
+                [[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]], [np.nan], [np.nan]]
+            )
             by_hand = np.full(1, StripeFlag.HAND, dtype=np.uint16)
             return _with_rows(stripe, np.array([edit.line], np.int32), row, by_hand)
         case PickCandidate():

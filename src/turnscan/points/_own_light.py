@@ -40,6 +40,8 @@ _BY_CHANCE = 0.25
 _BENDS = 0.5
 """rad that chords of a surface without an edge bend by, at most: those of a cylinder about the axis
 bend by one step, 0.26 at 24 a turn, and those of a surface that bends twice as much by two."""
+GLOW_LIGHT = 0.35
+"""Part of the usual brightness below which light may be what other surfaces throw."""
 _BEST = 0.8
 """Quantile of the light of a line over the turn that is that of a whole stripe, and of the lines
 that tell whether a line has one …"""

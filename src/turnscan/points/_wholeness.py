@@ -27,7 +27,16 @@ from turnscan.points._creased import (
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._lopsided import by_skew
-from turnscan.points._own_light import Alone, Own, afore, by_own_light, runs_of, spent, strays
+from turnscan.points._own_light import (
+    GLOW_LIGHT,
+    Alone,
+    Own,
+    afore,
+    by_own_light,
+    runs_of,
+    spent,
+    strays,
+)
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -70,10 +79,11 @@ _USUAL = 0.5
 surface goes on to both sides."""
 _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
-_GLOW_WIDTH, _GLOW_LIGHT, _GLOW_FLUX = 3.0, 0.35, 0.5
+_GLOW_WIDTH, _GLOW_FLUX = 3.0, 0.5
 """Light of other surfaces, without a stripe in it, is so many times as wide as a stripe is due
-there, and its brightness and all of its light are such parts of the usual stripe's at most. The
-first two are those by which a picture drops it beside stripes (`stripes._choice.drop_glow`)."""
+there, and all of its light is such a part of the usual stripe's at most; its brightness is
+`GLOW_LIGHT` of it. The first and that are those by which a picture drops it beside stripes
+(`stripes._choice.drop_glow`)."""
 _ABOUT, _FAR_ABOUT = 12.0, 40.0
 """Thicknesses of the sheet to either side in which the usual width of a profile is that of whole
 stripes: most veils are shorter than the first; in a pocket a whole stretch of a profile is one …"""
@@ -136,7 +146,9 @@ def wholeness(light: LitPoints) -> Wholeness:
     of one whose middle passes by.
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), what is
     narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
-    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). By chance
+    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). What is
+    alike on both sides is excused, but for ends and dips, which leave it so: no edge cuts it
+    (`by_skew`). By chance
     one line of a doubted stretch looks well, or one of a stretch that is put back stays; it is
     doubted by a part of what those about it are, or are put back by.
     """
@@ -144,14 +156,14 @@ def wholeness(light: LitPoints) -> Wholeness:
     width = _steady(np.where(found, light.width, np.nan))
     bright = _steady(np.where(found, light.amplitude, np.nan))
     arcs = light.arcs
-    own, thickness, still, part = _lying(light, found, width, bright, arcs)
+    own, thickness, still, cut = _lying(light, found, width, bright, arcs)
     sizes = apart_along(light.points), thickness
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
     faint = _faint_between(width, width * bright, arcs, thickness, light.closed)
     with np.errstate(invalid="ignore"):
         lit = bright >= _DIM * np.nanmedian(bright)
-    more = np.maximum(more, np.where(lit, part, 1.0) * faint)
+    more = np.maximum(more, np.where(lit, cut, 1.0) * faint)
     doubt = np.maximum(own.doubt, more - np.abs(own.shift))
     about = np.fmax(_steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
     return replace(own, doubt=np.fmax(doubt, _STRETCH * about))
@@ -170,8 +182,9 @@ def _lying(
     light: LitPoints, found: Bools, width: Floats, bright: Floats, arcs: Floats
 ) -> tuple[Wholeness, float, Bools, Floats]:
     """What the surface's slopes say of the stripes, as wide (s, n) px and bright (s, n) grey levels
-    as they are about each; the sheet's thickness, mm, or what is taken for it; and True (s, n) for
-    points that no turn moves."""
+    as they are about each; the sheet's thickness, mm, or what is taken for it; True (s, n) for
+    points that no turn moves; and which part (s, n) of a doubt for its width or light each may be
+    off by (`BySkew.part`)."""
     from turnscan.points import _wholeness_kernels as kernels
 
     walk, slide, side = _along_steps(kernels.across, light, arcs, (3, 2, *found.shape))
@@ -228,15 +241,13 @@ def _lying(
     blind = (fine < KNOWN) & (~agree | (doubt > 0)) & ~still
     alone = Alone(lone, still, blind, agree)
     doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
-    part = np.ones(doubt.shape)
-    if light.skew is not None:
-        shift, doubt, part = by_skew(light, lit, (shift, doubt), thickness, due_on)
+    shift, doubt, cut = by_skew(light, lit, (shift, doubt), thickness, due_on)
     seen = thickness if told else 0.0
     # Where widths do not tell how far the light reaches over an edge, what the rig says counts.
     reach = seen or light.stated
     near = (fineness(arcs, reach) >= 1.0) & (reach > 0)
     own = Wholeness(shift, doubt, tail, glow, slide, near, seen)
-    return own, thickness, still, part
+    return own, thickness, still, cut
 
 
 def _going_on(light: LitPoints, arcs: Floats) -> Bools:
@@ -256,7 +267,7 @@ def _dim(width: Floats, light: Floats, found: Bools) -> Bools:
         return np.zeros_like(found)
     whole = width * light
     with np.errstate(invalid="ignore"):
-        faint = light < _GLOW_LIGHT * float(np.median(light[some]))
+        faint = light < GLOW_LIGHT * float(np.median(light[some]))
         return np.asarray(faint & (whole < _GLOW_FLUX * float(np.median(whole[some]))))
 
 

@@ -17,7 +17,7 @@ from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
 def centres_of(
     detector: Detector | Plugin, lit: Image, dark: Image, settings: StripeSettings, most: int
 ) -> tuple[Floats, Flags]:
-    """Ask a detector: (6, n, most) position, sigma, amplitude, width, halo, skew, and (n, most) flags.
+    """Ask a detector: (6, n, most) measures, as `Candidates.table`, and (n, most) flags.
 
     Centres are in ascending order, those that are too many left out from the faintest.
     Raises PluginError where it fails or returns what cannot be.

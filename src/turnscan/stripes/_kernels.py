@@ -225,7 +225,9 @@ def write_down(
         table[3, v, j] = math.sqrt(some[i, SECOND])
         ends = left, right
         level = some[i, PEDESTAL] + terms.base
-        table[5, v, j] = skew_of(lit, dark, (v, w), some[i, CENTRE] + left, table[3, v, j], ends, level)
+        table[5, v, j] = skew_of(
+            lit, dark, (v, w), some[i, CENTRE] + left, table[3, v, j], ends, level
+        )
         bits[v, j] = flags
 
 

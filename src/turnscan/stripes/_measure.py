@@ -176,8 +176,8 @@ def skew_of(
     or how its surface lies. NaN where there is no light.
     """
     h = max(SKEW_WINDOW * width, LEAST_SKEW_WINDOW)
-    first = max(int(math.ceil(c - h - 0.5)), ends[0])
-    last = min(int(math.floor(c + h + 0.5)), ends[1])
+    first = max(math.ceil(c - h - 0.5), ends[0])
+    last = min(math.floor(c + h + 0.5), ends[1])
     v, w = row
     s0 = s1 = s2 = s3 = 0.0
     for x in range(first, last + 1):

@@ -94,7 +94,8 @@ class Stripe:
         """A stripe of fresh arrays that no one else writes to: kept as they are, not checked.
 
         ``table`` (6, n) is position, sigma, amplitude, width, halo and skew, ``flags`` (n,) uint16;
-        both become read-only. For the detector, where checks and copies would cost a frame's twentieth.
+        both become read-only. For the detector, where checks and copies would cost a twentieth of a
+        frame.
         """
         table.flags.writeable = False
         flags.flags.writeable = False
