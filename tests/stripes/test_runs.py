@@ -19,7 +19,7 @@ from turnscan.scan._signal import signal_of, statistics
 from turnscan.stripes import Choice, RunDetector, Signal, Strategy, StripeSettings
 
 H, W = 40, 210
-FIELDS = ("position", "sigma", "amplitude", "width", "flags")
+FIELDS = ("position", "sigma", "amplitude", "width", "flags", "skew")
 
 
 def a_scene(rng, dtype, channels, dark):

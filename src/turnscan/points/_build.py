@@ -192,7 +192,8 @@ def _judged(
     vertical: bool,
 ) -> RangeGrid:
     """The grid with what the stripes' width and skew, ``light`` (s, n) px and (s, n), and the
-    angles' uncertainty ``shaky`` (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
+    angles' uncertainty ``shaky`` (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a
+    stripe's centre."""
     seen = _lit_points(grid, rig, light, vertical)
     whole = wholeness(seen)
     # A centre that was refined by its own surface element does not depend on the stripe's width.

@@ -82,9 +82,9 @@ def by_skew(
     sheet of this ``thickness``, mm, are, px; nothing is put back where it is not known, 0.
     """
     shift, doubt = judged
-    if light.skew is None:
+    found = ~np.isnan(light.points[..., 0]) & ~np.isnan(light.amplitude)
+    if light.skew is None or not found.any():
         return BySkew(shift, doubt, np.ones(shift.shape))
-    found = ~np.isnan(light.points[..., 0])
     skew = np.where(found, light.skew, np.nan)
     lop = _lopsided(skew, found & ((doubt > 0.0) | (shift != 0.0)))
     part, back = lop.part, lop.part * shift

@@ -161,12 +161,17 @@ def wholeness(light: LitPoints) -> Wholeness:
     more = np.maximum(_ended(light, width, arcs, still, sizes), _narrow(width, bright, sizes))
     more = np.maximum(more, _dips(light.width * light.amplitude, width))
     faint = _faint_between(width, width * bright, arcs, thickness, light.closed)
-    with np.errstate(invalid="ignore"):
-        lit = bright >= _DIM * np.nanmedian(bright)
-    more = np.maximum(more, np.where(lit, cut, 1.0) * faint)
+    more = np.maximum(more, np.where(_bright(bright), cut, 1.0) * faint)
     doubt = np.maximum(own.doubt, more - np.abs(own.shift))
     about = np.fmax(_steady(np.where(found, doubt, np.nan)), _otherwise(own.shift, found))
     return replace(own, doubt=np.fmax(doubt, _STRETCH * about))
+
+
+def _bright(light: Floats) -> Bools:
+    """(s, n) True where there is no less than half of the usual light."""
+    known = light[~np.isnan(light)]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(light >= _DIM * (float(np.median(known)) if len(known) else 0.0))
 
 
 def _otherwise(shift: Floats, found: Bools) -> Floats:

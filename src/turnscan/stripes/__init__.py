@@ -11,11 +11,10 @@ from turnscan.stripes._runs import RunDetector
 from turnscan.stripes._series import Stripes
 from turnscan.stripes._settings import Choice, Detector, Refinement, Strategy, StripeSettings
 from turnscan.stripes._signal import Exposed, Signal
-from turnscan.stripes._stripe import MEASURES, Candidates, Orientation, Stripe, StripeFlag
+from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
 __all__ = [
     "COLOURS",
-    "MEASURES",
     "UINT16_SCALE",
     "Candidates",
     "Choice",

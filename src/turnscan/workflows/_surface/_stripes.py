@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.scan import Scan, ScanPlan, lit_in, rig_for
-from turnscan.stripes import MEASURES, Detector, Orientation, Stripe
+from turnscan.stripes import Detector, Orientation, Stripe
 from turnscan.workflows._options._reconstruct import ReconstructOptions
 
 
@@ -103,22 +103,24 @@ def _arrays(
 ) -> ScanStripes:
     lines = plan.height if plan.orientation == "vertical" else plan.width
 
-    shape = len(found), lines
-    flags = np.array([s.flags for s in found], np.uint16).reshape(shape)
-    tables = np.array([s.table() for s in found]).reshape(shape[0], MEASURES, lines)
-    position, sigma, amplitude, width, halo, skew = tables.transpose(1, 0, 2)
+    tables = [s.table() for s in found]
+
+    def rows(measure: int) -> Floats:
+        return np.array([t[measure] for t in tables]).reshape(len(found), lines)
+
+    flags = np.array([s.flags for s in found], np.uint16).reshape(len(found), lines)
     numbers = np.array(steps, np.int32)
     return ScanStripes(
         laser,
         numbers,
         np.array(angles),
-        position,
-        sigma,
-        amplitude,
-        width,
+        rows(0),
+        rows(1),
+        rows(2),
+        rows(3),
         flags,
         np.array([s.scatter for s in found], np.float64),
         plan.orientation,
-        halo,
-        skew,
+        rows(4),
+        rows(5),
     )
