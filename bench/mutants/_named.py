@@ -63,6 +63,18 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
     ],
     "points": [
         (
+            "points/_lopsided.py",
+            "part[_dim_and_wide(light, found) | _ends(found)] = 1.0",
+            "part[_dim_and_wide(light, found)] = 1.0",
+            "an edge along the lines is excused at the ends of profiles",
+        ),
+        (
+            "points/_lopsided.py",
+            "np.where(cut, _BACK * skew * width, 0.0)",
+            "np.where(cut, -_BACK * skew * width, 0.0)",
+            "lopsided stripes are put back to the wrong side",
+        ),
+        (
             "points/_profile.py",
             "np.hypot((1.0 - w) * grid.sigma[k, a], w * grid.sigma[k, b])",
             "np.hypot(w * grid.sigma[k, a], (1.0 - w) * grid.sigma[k, b])",

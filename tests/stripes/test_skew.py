@@ -65,7 +65,7 @@ def test_where_there_is_no_centre_there_is_none():
 
 
 def test_candidates_without_one_hand_on_none():
-    """What nobody's detector measures is missing, not zero."""
+    """What a detector does not measure is missing, not zero."""
     one = np.ones((3, 1))
     bare = Candidates(10.0 * one, 0.1 * one, 90.0 * one, one, np.zeros((3, 1), np.uint16))
     assert bare.skew is None

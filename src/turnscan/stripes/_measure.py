@@ -180,10 +180,11 @@ def skew_of(
     last = min(math.floor(c + h + 0.5), ends[1])
     v, w = row
     s0 = s1 = s2 = s3 = 0.0
-    for x in range(first, last + 1):
+    for x in range(np.uint64(first), np.uint64(last + 1)):
         d = x - c
-        part = min(h + 0.5 - abs(d), 1.0)
-        q = part * (np.float64(lit[v, x]) - np.float64(dark[w, x]) - level)
+        q = np.float64(np.int64(lit[v, x]) - np.int64(dark[w, x])) - level
+        if abs(d) > h - 0.5:
+            q *= h + 0.5 - abs(d)
         s0 += q
         q *= d
         s1 += q
