@@ -82,8 +82,8 @@ def by_skew(
     sheet of this ``thickness``, mm, are, px; nothing is put back where it is not known, 0.
     """
     shift, doubt = judged
-    found = ~np.isnan(light.points[..., 0]) & ~np.isnan(light.amplitude)
-    if light.skew is None or not found.any():
+    found = ~np.isnan(light.points[..., 0]) & ~np.isnan(light.amplitude + light.width)
+    if light.skew is None or np.isnan(light.skew[found]).all():
         return BySkew(shift, doubt, np.ones(shift.shape))
     skew = np.where(found, light.skew, np.nan)
     lop = _lopsided(skew, found & ((doubt > 0.0) | (shift != 0.0)))
@@ -148,7 +148,7 @@ def _lopsided(skew: Floats, doubted: Bools) -> _Lopsided:
 
 def _dim_and_wide(light: LitPoints, found: Bools) -> Bools:
     """(s, n) True where light is far fainter than usual, and wider."""
-    bright, wide = (float(np.nanmedian(v[found])) for v in (light.amplitude, light.width))
+    bright, wide = (float(np.median(v[found])) for v in (light.amplitude, light.width))
     with np.errstate(invalid="ignore"):
         return np.asarray((light.amplitude < GLOW_LIGHT * bright) & (light.width > wide))
 
