@@ -146,9 +146,9 @@ def wholeness(light: LitPoints) -> Wholeness:
     of one whose middle passes by.
     What is narrower near any end than the stripes further in is doubted, too (`_ended`), what is
     narrower than most of its profile about it (`_narrow`), and what is much fainter than the lines
-    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). What is
-    alike on both sides is excused, but for ends and dips, which leave it so: no edge cuts it
-    (`by_skew`). By chance
+    (`_dips`) or narrower and fainter than the profiles on either side (`_faint_between`). No edge
+    cuts what is alike on both sides (`by_skew`): that excuses what the profiles beside and the
+    stripe's own light say, and what is faint between others, but is bright. By chance
     one line of a doubted stretch looks well, or one of a stretch that is put back stays; it is
     doubted by a part of what those about it are, or are put back by.
     """
