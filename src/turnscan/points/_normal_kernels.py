@@ -10,8 +10,6 @@ from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, way
 
 _MOST = 12
 """Lines to either side that a tangent is taken over, at most."""
-_TILT = 0.2
-"""rad that noise makes the normals about a point differ by, over the shortest tangents."""
 _ALL = 4
 """Normals about a point that has neighbours on all sides."""
 
@@ -125,7 +123,7 @@ def shares(
     doubt: Floats,
     moves: Floats,
     arc: Floats,
-    least: float,
+    limits: tuple[float, float],
     closed: bool,
     span: tuple[int, int],
     out: Floats,
@@ -133,16 +131,18 @@ def shares(
     """Write the cosines (s, n) between the unit vectors ``moves`` (s, n, 3) and the normal.
 
     The tangents lead to the nearest points of the same profile, and of the same line, that lie
-    ``least`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the next
-    step. ``doubt`` (s, n) mm is how far points may lie off along ``moves`` by more than noise.
-    Up and down, before and after have normals of their own. Where all four are there and
-    noise may have made all their differences, the normal of the neighbours alone counts: one
-    through the point itself turns away from where its error leads, the more the larger that is.
+    ``limits[0]`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the
+    next step. ``doubt`` (s, n) mm is how far points may lie off along ``moves`` by more than noise.
+    Up and down, before and after have normals of their own. Where all four are there and differ by
+    no more than noise makes, or a round part, ``limits[1]`` rad, the normal of the neighbours alone
+    counts: one through the point itself turns away from where its error leads, the more the larger
+    that is.
     Elsewhere the largest does, so that an edge claims no more than the worse of its two surfaces.
     1 where nothing is known. A surface that turns away from the light has long steps: over those a
     line that leads straight on tells, too.
     Steps from the first to before the second of ``span`` are written.
     """
+    least, tilt = limits
     n = points.shape[1]
     ups, unsure = np.empty((2, 3)), np.zeros(2)
     for k in range(span[0], span[1]):
@@ -170,7 +170,7 @@ def shares(
                         best = max(best, _share(up, v, move, (ends, np.hypot(own, doubt[m, j]))))
             if count:
                 mean = min(total / count, 1.0)
-                even = high - low <= _TILT * np.sqrt(1.0 - mean * mean)
+                even = high - low <= tilt * np.sqrt(1.0 - mean * mean)
                 out[k, j] = best
                 if count == _ALL and even:
                     up = (ups[0, 0] - ups[1, 0], ups[0, 1] - ups[1, 1], ups[0, 2] - ups[1, 2])

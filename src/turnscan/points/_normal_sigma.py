@@ -12,6 +12,9 @@ from turnscan.threads import in_parts
 
 _STEADY = 8.0
 """Usual sigma that a tangent is long, at least."""
+_TILT, _TURNED = 0.2, 1.3
+"""rad that noise makes the normals about a point differ by, over the shortest tangents; and steps
+of the table by which those of a round part do: chords before and after lie a step apart there."""
 _TOGETHER = 64
 """Steps whose points are computed at a time."""
 _LEAST = 0.3
@@ -60,6 +63,7 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     known = known[np.isfinite(known)]
     noise = usual_sigma(known)
     share, far = np.empty(found.shape), max(_STEADY * noise, 1e-9)
+    limits = far, max(_TILT, _TURNED * usual)
     doubt = np.sqrt(
         np.maximum(np.nan_to_num(grid.sigma) ** 2 - usual_sigma(known, most=True) ** 2, 0.0)
     )
@@ -70,7 +74,7 @@ def normal_sigma(grid: RangeGrid) -> Floats:
         along = _along(sheet[step], all_eyes[step] - X[there], all_eyes[step])
         length = np.linalg.norm(along, axis=1, keepdims=True)
         moves[first:end][there] = along / np.maximum(length, 1e-12)
-        kernels.shares(grid.points, doubt, moves, arc, far, grid.closed, (first, end), share)
+        kernels.shares(grid.points, doubt, moves, arc, limits, grid.closed, (first, end), share)
 
     in_parts(part, len(found), -(-len(found) // _TOGETHER))
     share[_bent(grid, moves, far)] = 1.0
