@@ -42,8 +42,8 @@ _MODEST = 0.4
 """Skew from which on it no longer tells how much is cut, for pixels blur the cut."""
 _BACK, _UNSURE, _KEPT = 0.65, 0.5, 0.8
 """Widths by which a skew of one puts such a stripe back (of a Gaussian with the blur of pixels 0.3
-to 0.7; what was measured on eleven simulated parts, docs/decisions/0077-skew.md), widths that stay
-doubted then, and the part of its own doubt that it keeps."""
+to 0.7; what was measured on simulated parts, docs/decisions/0077-skew.md), widths that stay doubted
+then, and the part of its own doubt that it keeps."""
 _MOVES, _MOST = 0.5, 0.3
 """Widths, rms, by which a skew of one moves the centre of other lopsided stripes, as measured on
 the same parts, and the skew from which on it moves them no further."""
