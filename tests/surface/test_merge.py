@@ -575,5 +575,8 @@ def test_which_of_two_surfaces_counts_does_not_change_from_cell_to_cell():
     clear = np.delete(np.arange(40), [*range(8, 13), *range(28, 33)])
     assert (alone[:, clear] == 0).mean() > 0.25
     assert (best[:, clear] == 0).mean() < 0.05
+    worse = good.copy()
+    worse[1, 40, 20] = 0.2
+    assert _best(worse)[0, 40, 20] == 0, "unless it is known far worse in the cell"
     turned = _best(np.roll(good, 30, axis=1))[0]
     assert np.array_equal(turned, np.roll(best, 30, axis=0)), "a turn has no end"

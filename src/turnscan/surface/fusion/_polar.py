@@ -24,7 +24,9 @@ _FLATS = 0.03
 _JUMP = 3.0
 """Combined sigma beyond which two measurements of one cell are not averaged."""
 _ABOUT = 5
-"""Cells that tell together, to both sides, which surface counts."""
+"""Cells that tell together, to both sides, which surface counts …"""
+_ALIKE = 0.3
+"""… where it is no worse than this part of the best of the cell."""
 _GUESS = 0.75
 """Lines' distances that a surface may be off between two profiles before a cell is a guess."""
 _VAGUE = 17.0
@@ -276,7 +278,8 @@ def merge_polar(
 
 def _best(good: Floats) -> npt.NDArray[np.intp]:
     """(1, s, n) which of the surfaces counts in each cell of a closed turn, by how good they are
-    there (surfaces, s, n), 0 where one is not, and in the cells about.
+    there (surfaces, s, n), 0 where one is not: that which is better in the cells about, unless it
+    is known far worse in the cell.
 
     Of the front and the back of a wall, or two that are known alike, one cell by itself would take
     the one and the next the other, and what is merged would be in shreds.
@@ -284,7 +287,10 @@ def _best(good: Floats) -> npt.NDArray[np.intp]:
     from scipy.ndimage import uniform_filter
 
     about = [uniform_filter(g, _ABOUT, mode=("wrap", "nearest")) for g in good]
-    return np.asarray(np.argmax(np.where(good > 0, np.stack(about), 0.0), axis=0)[None])
+    usual = np.argmax(np.where(good > 0, np.stack(about), 0.0), axis=0)[None]
+    own = np.argmax(good, axis=0)[None]
+    alike = np.take_along_axis(good, usual, 0) >= _ALIKE * np.take_along_axis(good, own, 0)
+    return np.asarray(np.where(alike, usual, own))
 
 
 def _vague(grid: PolarGrid, surfaces: Sequence[RangeSurface], most: float) -> Bools:
