@@ -21,7 +21,6 @@ from turnscan.points import build_grid
 from turnscan.shapes import deviation
 from turnscan.surface.fusion import _marching_cubes as cubes
 from turnscan.surface.fusion import fuse, merge, range_surfaces
-from turnscan.surface.fusion._polar import _best
 
 
 @pytest.fixture(scope="module")
@@ -561,22 +560,3 @@ def test_a_laser_with_anothers_sheet_is_named_in_one_line(mirrored: bool) -> Non
         assert f.where == "L0 and L1"
         assert "mirrored" in f.message
         assert "\n" not in str(f)
-
-
-def test_which_of_two_surfaces_counts_does_not_change_from_cell_to_cell():
-    """Two that are known alike but for a few per cent, with noise in what each cell says."""
-    noise = np.random.default_rng(2).normal(1.0, 0.1, (2, 72, 40))
-    good = np.array([1.0, 1.06])[:, None, None] * noise
-    good[0, :, 10] = 0.0
-    good[1, :, 30] = 0.0
-    alone, best = np.argmax(good, axis=0), _best(good)[0]
-    assert (best[:, 10] == 1).all(), "where one is not, the other counts"
-    assert (best[:, 30] == 0).all()
-    clear = np.delete(np.arange(40), [*range(8, 13), *range(28, 33)])
-    assert (alone[:, clear] == 0).mean() > 0.25
-    assert (best[:, clear] == 0).mean() < 0.05
-    worse = good.copy()
-    worse[1, 40, 20] = 0.2
-    assert _best(worse)[0, 40, 20] == 0, "unless it is known far worse in the cell"
-    turned = _best(np.roll(good, 30, axis=1))[0]
-    assert np.array_equal(turned, np.roll(best, 30, axis=0)), "a turn has no end"

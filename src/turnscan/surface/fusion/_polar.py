@@ -23,10 +23,6 @@ _FLATS = 0.03
 """Share of the area within 20° of level above which angle and height miss too much of a part."""
 _JUMP = 3.0
 """Combined sigma beyond which two measurements of one cell are not averaged."""
-_ABOUT = 5
-"""Cells that tell together, to both sides, which surface counts …"""
-_ALIKE = 0.3
-"""… where it is no worse than this part of the best of the cell."""
 _GUESS = 0.75
 """Lines' distances that a surface may be off between two profiles before a cell is a guess."""
 _VAGUE = 17.0
@@ -212,16 +208,15 @@ def merge_polar(
     """The merged surface, and how many cells disagreed beyond three sigma.
 
     Where all that was measured in a cell lies within three combined sigma of the best (largest
-    cos(incidence)/spread², with the cells about) it is averaged with those weights; what does not,
-    is left out: the best counts. What the surface may do between profiles excuses no disagreement,
-    for it may be a gap; it makes a measurement count less, and the sigma of a cell larger.
-    Averaging lowers noise alone
+    cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
+    counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
+    it makes a measurement count less, and the sigma of a cell larger. Averaging lowers noise alone
     (`RangeSurface.noise`): what is known worse, at an edge or between profiles, all surfaces may
     have alike.
     Where its bend may be more than three quarters of a line's distance and more than three usual
     sigma, nothing was measured, and the cell is left to the other surfaces; so is one between
-    profiles that is known seventeen times worse than usual (`_vague`). A vertex has the provenance
-    of the nearest vertex of the best surface.
+    profiles that is known seventeen times worse than usual (`_vague`). A vertex has the provenance of the
+    nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
     measured = grid.noise[~np.isnan(grid.noise)]
@@ -233,7 +228,7 @@ def merge_polar(
     # What ends beside a cell says nothing where another surface goes on.
     met = ((weight > 0) & (grid.aside == 0)).any(axis=0)
     weight = np.where(met & (grid.aside != 0), 0.0, weight)
-    best = _best(weight * np.nan_to_num(grid.radius))
+    best = np.argmax(weight * np.nan_to_num(grid.radius), axis=0)[None]
     chosen = np.take_along_axis(grid.radius, best, 0)
     noise, slope = (np.take_along_axis(v, best, 0) for v in (grid.noise, grid.slope))
     with np.errstate(invalid="ignore"):
@@ -274,23 +269,6 @@ def merge_polar(
     starts = np.cumsum([0] + [len(p.mesh.vertices) for p in surfaces])[:-1]
     source = np.take_along_axis(grid.source, best, 0)[0] + starts[best[0]]
     return replace(mesh, provenance=_measured_by(mesh, source, surfaces)), int(off.sum())
-
-
-def _best(good: Floats) -> npt.NDArray[np.intp]:
-    """(1, s, n) which of the surfaces counts in each cell of a closed turn, by how good they are
-    there (surfaces, s, n), 0 where one is not: that which is better in the cells about, unless it
-    is known far worse in the cell.
-
-    Of the front and the back of a wall, or two that are known alike, one cell by itself would take
-    the one and the next the other, and what is merged would be in shreds.
-    """
-    from scipy.ndimage import uniform_filter
-
-    about = [uniform_filter(g, _ABOUT, mode=("wrap", "nearest")) for g in good]
-    usual = np.argmax(np.where(good > 0, np.stack(about), 0.0), axis=0)[None]
-    own = np.argmax(good, axis=0)[None]
-    alike = np.take_along_axis(good, usual, 0) >= _ALIKE * np.take_along_axis(good, own, 0)
-    return np.asarray(np.where(alike, usual, own))
 
 
 def _vague(grid: PolarGrid, surfaces: Sequence[RangeSurface], most: float) -> Bools:
