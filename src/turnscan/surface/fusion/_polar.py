@@ -215,8 +215,8 @@ def merge_polar(
     have alike.
     Where its bend may be more than three quarters of a line's distance and more than three usual
     sigma, nothing was measured, and the cell is left to the other surfaces; so is one between
-    profiles that is known seventeen times worse than usual (`_vague`). A vertex has the provenance of the
-    nearest vertex of the best surface.
+    profiles that is known seventeen times worse than usual (`_vague`). A vertex has the provenance
+    of the nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
     measured = grid.noise[~np.isnan(grid.noise)]
