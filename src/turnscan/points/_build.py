@@ -85,7 +85,12 @@ def build_grid(
     light, flags = np.stack([s.amplitude for s in stripes]), np.stack([s.flags for s in stripes])
     # Lines before the first one with a point and after the last tell nothing of any other.
     lines = lines_about(np.stack([s.found for s in stripes]))
-    position, sigma, _, width, _, skew = np.stack([s.table()[:, lines] for s in stripes], axis=1)
+    position, sigma, width = (
+        np.stack([getattr(s, name)[lines] for s in stripes])
+        for name in ("position", "sigma", "width")
+    )
+    nothing = np.full(len(stripes[0].position), np.nan)
+    skew = np.stack([(nothing if s.skew is None else s.skew)[lines] for s in stripes])
     points, scale, behind = _met(rig, laser, position, lines.start, turns, vertical)
     lost = ~np.isnan(position) & np.isnan(points[..., 0])
     eye = rig.T_camera_table.inverse().translation

@@ -103,24 +103,26 @@ def _arrays(
 ) -> ScanStripes:
     lines = plan.height if plan.orientation == "vertical" else plan.width
 
-    tables = [s.table() for s in found]
+    nothing = np.full(lines, np.nan)
 
-    def rows(measure: int) -> Floats:
-        return np.array([t[measure] for t in tables]).reshape(len(found), lines)
+    def rows(name: str) -> Floats:
+        values = (getattr(s, name) for s in found)
+        measured = [nothing if v is None else v for v in values]
+        return np.array(measured).reshape(len(found), lines)
 
-    flags = np.array([s.flags for s in found], np.uint16).reshape(len(found), lines)
+    flags = rows("flags").astype(np.uint16)
     numbers = np.array(steps, np.int32)
     return ScanStripes(
         laser,
         numbers,
         np.array(angles),
-        rows(0),
-        rows(1),
-        rows(2),
-        rows(3),
+        rows("position"),
+        rows("sigma"),
+        rows("amplitude"),
+        rows("width"),
         flags,
         np.array([s.scatter for s in found], np.float64),
         plan.orientation,
-        rows(4),
-        rows(5),
+        rows("halo"),
+        rows("skew"),
     )
