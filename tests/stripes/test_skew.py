@@ -64,6 +64,16 @@ def test_where_there_is_no_centre_there_is_none():
     assert np.array_equal(every.skew[found.found, 0], found.skew[found.found])
 
 
+def test_noise_that_cancels_the_light_makes_no_skew_of_thousands():
+    """Faint stripes, a third of them lost: what is known of the others is a skew, or nothing."""
+    electrons = light(40.0 + np.linspace(0.0, 1.0, ROWS), 1.0, 25.0, WIDTH)
+    lit = picture(np.random.default_rng(5), electrons)
+    found = detect(lit, np.full_like(lit, 100), StripeSettings(threshold=15.0))
+    assert found.skew is not None
+    assert found.found.sum() > 100
+    assert np.nanmax(np.abs(found.skew)) < 100.0
+
+
 def test_candidates_without_one_hand_on_none():
     """What a detector does not measure is missing, not zero."""
     one = np.ones((3, 1))

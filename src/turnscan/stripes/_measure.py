@@ -23,7 +23,6 @@ SKEW_WINDOW, LEAST_SKEW_WINDOW = 3.0, 1.5
 """Half window of the third moment in rms widths: the tails decide; and px, at least."""
 LEAST_SECOND = 0.05
 """px²: no light has less, through pixels; noise may seem to."""
-
 BESIDE = 1.5
 """px from the middle of a falling end of the window to where it has ended."""
 FLANK = 4
@@ -173,7 +172,7 @@ def skew_of(
 
     Of the line ``row`` of ``lit`` and ``dark``, not beyond the pixels ``ends`` of the candidate.
     What an edge cuts falls off on one side only; the skew does not depend on how thick the sheet is
-    or how its surface lies. NaN where there is no light.
+    or how its surface lies. NaN where there is no light, or noise cancels what there is.
     """
     h = max(SKEW_WINDOW * width, LEAST_SKEW_WINDOW)
     first = max(math.ceil(c - h - 0.5), ends[0])
@@ -195,8 +194,10 @@ def skew_of(
         return math.nan
     m = s1 / s0
     second = s2 / s0 - m * m
+    if second < LEAST_SECOND:
+        return math.nan
     third = s3 / s0 - m * (3.0 * s2 / s0 - 2.0 * m * m)
-    return third / max(second, LEAST_SECOND) ** 1.5
+    return third / second**1.5
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

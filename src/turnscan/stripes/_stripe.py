@@ -76,7 +76,8 @@ class Stripe:
     do not tell. None where nothing looked for it."""
     skew: Floats | None = None
     """(n,) third standardised moment of the light in the window: 0 for light that is alike on both
-    sides of its centre, positive with the longer tail towards higher numbers; NaN where missing.
+    sides of its centre, positive with the longer tail towards higher numbers; NaN where missing,
+    and where noise cancels the light.
     None where nothing measured it."""
 
     def __post_init__(self) -> None:
