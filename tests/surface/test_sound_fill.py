@@ -221,6 +221,28 @@ def test_a_surface_without_a_ring_of_faces_is_in_two_pieces(rows: slice, parted:
     assert _close._parted(*ring_taken_out(rows)) is parted
 
 
+@pytest.mark.parametrize(
+    ("taken", "lost"), [(slice(0, 11), True), (slice(0, 4), False), (slice(0, 0), False)]
+)
+def test_a_piece_that_gives_way_is_lost(taken: slice, lost: bool) -> None:
+    """The far end of a plate was cut off whole once, and the rest closed with a fifth of its
+    volume; what goes of the rim of a piece may go."""
+    _, rings = ring_taken_out(slice(11, 12))
+    before, _ = ring_taken_out(slice(0, 0))
+    two = replace(before, faces=rings.faces)
+    gone = np.zeros(len(two.faces), dtype=bool)
+    gone[48 * taken.start : 48 * taken.stop] = True
+    assert _close._parted(two, replace(two, faces=two.faces[~gone])) is lost
+
+
+def test_a_crumb_may_give_way() -> None:
+    tube, _ = ring_taken_out(slice(0, 0))
+    apart = np.arange(3, dtype=np.int32) + len(tube.vertices)
+    corners = np.vstack([tube.vertices, [[9.0, 0.0, 0.0], [9.0, 1.0, 0.0], [9.0, 0.0, 1.0]]])
+    both = replace(tube, vertices=corners, faces=np.vstack([tube.faces, apart[None]]))
+    assert not _close._parted(both, replace(both, faces=tube.faces))
+
+
 def test_a_repair_that_cuts_the_surface_in_two_leaves_the_largest_gap_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -38,7 +38,9 @@ _HINT = "scan the part in another pose or with a second laser, or bridge the gap
 _ALIKE = 0.05
 """Of a hole's size, by which it may differ before and after."""
 _CRUMB = 0.02
-"""Of the vertices of a piece: fewer that come off it are crumbs."""
+"""Of the vertices of a piece, or of all: fewer that come off it, or that it has, are crumbs."""
+_GONE = 0.5
+"""Of the vertices of a piece: where more give way, it is the piece that does."""
 _HIGH = 0.1
 """The top reaches into this share of the part's height."""
 
@@ -144,10 +146,15 @@ def _filled(
 
 
 def _parted(before: Mesh, after: Mesh) -> bool:
-    """Whether a piece of a surface hangs together no longer: its vertices, whose numbers are the
-    same in both, lie on several pieces, `_CRUMB` of them at least on a second."""
+    """Whether a piece of a surface hangs together no longer, or one that is no crumb is gone: its
+    vertices, whose numbers are the same in both, lie on several pieces, `_CRUMB` of them at least
+    on a second, or most of them on none."""
     old, new = _piece_of(before), _piece_of(after)[: len(before.vertices)]
-    there = (old >= 0) & (new >= 0)
+    there = old >= 0
+    size, gone = (np.bincount(old[k], minlength=old.max() + 1) for k in (there, there & (new < 0)))
+    if ((gone > _GONE * size) & (size > _CRUMB * size.sum())).any():
+        return True
+    there &= new >= 0
     pairs, count = np.unique(np.stack([old, new])[:, there], axis=1, return_counts=True)
     large = count >= _CRUMB * np.bincount(old[there])[pairs[0]]
     return bool(np.unique(pairs[0][large], return_counts=True)[1].max(initial=0) > 1)
