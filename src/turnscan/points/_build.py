@@ -242,6 +242,7 @@ def _judged(
         flags=handed_over(grid.flags | edge),
         thickness=whole.thickness,
         light_doubt=None if common is None else handed_over(common),
+        width_share=handed_over(whole.share.astype(np.float32), nan=True),
     )
 
 
@@ -353,6 +354,7 @@ def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
         light_doubt=None if grid.light_doubt is None else grid.light_doubt[index],
         halo=None if grid.halo is None else grid.halo[index],
         noise=None if grid.noise is None else grid.noise[index],
+        width_share=None if grid.width_share is None else grid.width_share[index],
         thickness=grid.thickness,
         alike=grid.alike,
     )

@@ -70,8 +70,12 @@ class RangeGrid:
     noise: Singles | None = None
     """(s, n) mm: of ``sigma``, what moves each point by itself, so that it averages out; the rest
     may move those beside it alike. NaN where missing; None where it is not known."""
+    width_share: Singles | None = None
+    """(s, n) cosine between the way along which the error of a stripe's centre moves its point and
+    the surface's normal, as the stripe's width tells, or a larger one; NaN where it tells nothing,
+    None where none does."""
     alike: float = 0.0
-    """Correlation of that on adjacent lines of a profile: speckle grains taller than a pixel,
+    """Correlation of ``noise`` on adjacent lines of a profile: speckle grains taller than a pixel,
     interpolated colours, JPEG."""
 
     def __post_init__(self) -> None:
@@ -96,6 +100,9 @@ class RangeGrid:
         if self.noise is not None:
             noise = frozen(self.noise, (s, n), "RangeGrid.noise", np.float32, nan=True)
             put(self, "noise", noise)
+        if self.width_share is not None:
+            share = frozen(self.width_share, (s, n), "RangeGrid.width_share", np.float32, nan=True)
+            put(self, "width_share", share)
         if self.behind is not None:
             put(self, "behind", frozen(self.behind, (s, n), "RangeGrid.behind", np.bool_))
 
@@ -152,6 +159,7 @@ class RangeGrid:
             light_doubt=None if self.light_doubt is None else self.light_doubt[:, lines],
             halo=None if self.halo is None else self.halo[:, lines],
             noise=None if self.noise is None else self.noise[:, lines],
+            width_share=None if self.width_share is None else self.width_share[:, lines],
         )
 
     def among(self, lines: slice, light: Floats, flags: Flags) -> RangeGrid:
@@ -175,6 +183,7 @@ class RangeGrid:
             return handed_over(out, nan=nan)
 
         behind, doubt, halo = self.behind, self.light_doubt, self.halo
+        share = self.width_share
         return replace(
             self,
             points=all_of(self.points, np.nan, nan=True),
@@ -185,6 +194,7 @@ class RangeGrid:
             light_doubt=None if doubt is None else all_of(doubt, 0.0),
             halo=None if halo is None else all_of(halo, np.nan, nan=True),
             noise=None if self.noise is None else all_of(self.noise, np.nan, nan=True),
+            width_share=None if share is None else all_of(share, np.nan, nan=True),
         )
 
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Singles
 from turnscan.compiled import njit
-from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, way
+from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, ray_of, vector, way
 
 _MOST = 12
 """Lines to either side that a tangent is taken over, at most."""
 _ALL = 4
 """Normals about a point that has neighbours on all sides."""
+_RUN = 8
+"""Lines to either side, at most, over which a profile tells its direction."""
+_ON = 2.0
+"""Sigma by which a point may lie off a line that it is on."""
 
 
 @njit(cache=True, nogil=True)
@@ -118,10 +122,76 @@ def bent(
 
 
 @njit(cache=True, nogil=True)
+def by_width(
+    places: tuple[Floats, Floats, Floats, Floats], walk: Floats, span: tuple[int, int], out: Floats
+) -> None:
+    """Write the larger cosine (s, n) between the way along which a centre's error moves its point
+    and the normals of the two surfaces through its profile on which a pixel leads ``walk`` (s, n)
+    mm away from the sheet; NaN where nothing is known. ``places`` are points (s, n, 3) mm, the
+    camera (s, 3) mm, ∂X/∂u (s, n, 3) mm and the sheet's normals (s, n, 3). For the steps of a
+    ``span``."""
+    points, eyes, moves, sheets = places
+    for k in range(span[0], span[1]):
+        for j in range(points.shape[1]):
+            out[k, j] = np.nan
+            low, high = _run_of(points, k, j)
+            if low == high or not walk[k, j] > 0.0:
+                continue
+            up, sheet = way(points, k, low, k, high), vector(sheets, k, j)
+            ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
+            past = dot(sheet, ray)
+            along = _less(move, ray, dot(sheet, move) / past)
+            size = np.sqrt(dot(along, along))
+            best = 0.0
+            for sign in (1.0, -1.0):
+                on = _less(move, ray, (dot(sheet, move) + sign * walk[k, j]) / past)
+                normal = cross(up, on)
+                long = np.sqrt(dot(normal, normal)) * size
+                best = max(best, abs(dot(normal, along)) / long if long > 0.0 else 1.0)
+            out[k, j] = min(best, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _run_of(points: Floats, k: int, j: int) -> tuple[int, int]:
+    """The lines of the last points of a run about one, no more than `_RUN` lines off."""
+    low = high = j
+    if not np.isnan(points[k, j, 0]):
+        while low > max(0, j - _RUN) and not np.isnan(points[k, low - 1, 0]):
+            low -= 1
+        while high < min(points.shape[1] - 1, j + _RUN) and not np.isnan(points[k, high + 1, 0]):
+            high += 1
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def _less(a: Vector, b: Vector, share: float) -> Vector:
+    """a less a share of b."""
+    return a[0] - share * b[0], a[1] - share * b[1], a[2] - share * b[2]
+
+
+@njit(cache=True, nogil=True)
+def _runs_on(
+    points: Floats, sigma: Floats, step: tuple[int, int, int], j: int, move: Vector
+) -> bool:
+    """Whether a point of the first ``step`` lies on the line of those of the same line in the other
+    two, as far as noise tells; it moves along the unit vector ``move``."""
+    k, m, o = step
+    v, on = way(points, k, j, m, j), way(points, m, j, o, j)
+    long, size = np.sqrt(dot(on, on)), np.sqrt(dot(v, v))
+    if not long > 0.0:
+        return False
+    unit, share = (on[0] / long, on[1] / long, on[2] / long), size / long
+    off = np.hypot(sigma[m, j] * (1.0 + share), sigma[o, j] * share)
+    off = np.hypot(off, sigma[k, j] * _across_of(move, unit))
+    return bool(_across_of(v, unit) < _ON * off)
+
+
+@njit(cache=True, nogil=True)
 def shares(
     points: Floats,
-    doubt: Floats,
+    doubt: tuple[Floats, Floats],
     moves: Floats,
+    told: Singles,
     arc: Floats,
     limits: tuple[float, float],
     closed: bool,
@@ -132,47 +202,76 @@ def shares(
 
     The tangents lead to the nearest points of the same profile, and of the same line, that lie
     ``limits[0]`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the
-    next step. ``doubt`` (s, n) mm is how far points may lie off along ``moves`` by more than noise.
-    Up and down, before and after have normals of their own. Where all four are there and differ by
-    no more than noise makes, or a round part, ``limits[1]`` rad, the normal of the neighbours alone
-    counts: one through the point itself turns away from where its error leads, the more the larger
-    that is.
-    Elsewhere the largest does, so that an edge claims no more than the worse of its two surfaces.
-    1 where nothing is known. A surface that turns away from the light has long steps: over those a
-    line that leads straight on tells, too.
+    next step. ``doubt`` are (s, n) mm how far points may lie off along ``moves`` by more than noise
+    and in all. Up and down, before and after have normals of their own. Where all four are there
+    and differ by no more than noise makes, or a round part, ``limits[1]`` rad, the normal of the
+    neighbours alone counts: one through the point itself turns away from where its error leads, the
+    more the larger that is.
+    Elsewhere the largest does, so that an edge claims no more than the worse of its two surfaces;
+    of a point on the line of those on one side alone, that of this side, but no less than what is
+    ``told`` (s, n) by the width of its stripe, NaN where that tells nothing. What is told counts
+    where there is no neighbour, and 1 where nothing is. A surface that turns away from the light
+    has long steps: over those a line that leads straight on tells, too.
     Steps from the first to before the second of ``span`` are written.
     """
-    least, tilt = limits
-    n = points.shape[1]
-    ups, unsure = np.empty((2, 3)), np.zeros(2)
+    ups, unsure, side = np.empty((2, 3)), np.zeros(2), np.empty((2, 4))
     for k in range(span[0], span[1]):
-        for j in range(n):
+        for j in range(points.shape[1]):
             out[k, j] = 1.0
             if np.isnan(points[k, j, 0]):
                 continue
-            lines = _tangents(points, doubt, k, j, least, ups, unsure)
-            move, own = (moves[k, j, 0], moves[k, j, 1], moves[k, j, 2]), doubt[k, j]
-            best, low, high, total, count = -1.0, 2.0, -1.0, 0.0, 0
-            past, beyond = (0.0, 0.0, 0.0), 0.0
-            for sign in (1, -1):
-                m, far = beside(points, k, j, sign, arc, least, closed, True)
+            lines = _tangents(points, doubt[0], k, j, limits[0], ups, unsure)
+            move = vector(moves, k, j)
+            past, beyond, on, count = (0.0, 0.0, 0.0), 0.0, np.zeros(2, np.bool_), 0
+            for hand in range(2):
+                sign = 1 - 2 * hand
+                side[hand] = 2.0, -1.0, 0.0, -1.0
+                m, far = beside(points, k, j, sign, arc, limits[0], closed, True)
                 if not far:
                     continue
                 v = way(points, k, j, m, j)
-                past = (past[0] + sign * v[0], past[1] + sign * v[1], past[2] + sign * v[2])
-                beyond = np.hypot(beyond, doubt[m, j])
-                for i in range(lines):
-                    up, ends = (ups[i, 0], ups[i, 1], ups[i, 2]), np.hypot(own, unsure[i])
-                    share = _share(up, v, move, (0.0, 0.0))
-                    if share >= 0.0:
-                        high, low = max(high, share), min(low, share)
-                        total, count = total + share, count + 1
-                        best = max(best, _share(up, v, move, (ends, np.hypot(own, doubt[m, j]))))
-            if count:
-                mean = min(total / count, 1.0)
-                even = high - low <= tilt * np.sqrt(1.0 - mean * mean)
-                out[k, j] = best
-                if count == _ALL and even:
-                    up = (ups[0, 0] - ups[1, 0], ups[0, 1] - ups[1, 1], ups[0, 2] - ups[1, 2])
-                    middle = _share(up, past, move, (np.hypot(unsure[0], unsure[1]), beyond))
-                    out[k, j] = middle if middle >= 0.0 else best
+                past = _less(past, v, -sign)
+                beyond = np.hypot(beyond, doubt[0][m, j])
+                ends = doubt[0][k, j], doubt[0][m, j]
+                count += _of_side(ups, unsure, lines, v, move, ends, side[hand])
+                o, there = beside(points, m, j, sign, arc, limits[0], closed, True)
+                on[hand] = there and _runs_on(points, doubt[1], (k, m, o), j, move)
+            if not count:
+                out[k, j] = 1.0 if np.isnan(told[k, j]) else told[k, j]
+                continue
+            low, high = min(side[0, 0], side[1, 0]), max(side[0, 1], side[1, 1])
+            mean, best = min(side[:, 2].sum() / count, 1.0), max(side[0, 3], side[1, 3])
+            even = high - low <= limits[1] * np.sqrt(1.0 - mean * mean)
+            out[k, j] = best
+            if count == _ALL and even:
+                up = (ups[0, 0] - ups[1, 0], ups[0, 1] - ups[1, 1], ups[0, 2] - ups[1, 2])
+                middle = _share(up, past, move, (np.hypot(unsure[0], unsure[1]), beyond))
+                out[k, j] = middle if middle >= 0.0 else best
+            elif on[0] != on[1] and not np.isnan(told[k, j]):
+                out[k, j] = min(best, max(side[0 if on[0] else 1, 3], told[k, j]))
+
+
+@njit(cache=True, nogil=True)
+def _of_side(
+    ups: Floats,
+    unsure: Floats,
+    lines: int,
+    across: Vector,
+    move: Vector,
+    doubt: tuple[float, float],
+    out: Floats,
+) -> int:
+    """How many planes the first ``lines`` of ``ups`` make with the way ``across`` to a neighbour;
+    into ``out`` (4,) the least cosine, the largest, the sum of all, and the largest with what the
+    ends are in doubt. ``doubt`` are the point's and the neighbour's."""
+    count = 0
+    for i in range(lines):
+        up = ups[i, 0], ups[i, 1], ups[i, 2]
+        share = _share(up, across, move, (0.0, 0.0))
+        if share < 0.0:
+            continue
+        ends = np.hypot(doubt[0], unsure[i]), np.hypot(doubt[0], doubt[1])
+        out[0], out[1] = min(out[0], share), max(out[1], share)
+        out[2], out[3] = out[2] + share, max(out[3], _share(up, across, move, ends))
+        count += 1
+    return count

@@ -44,9 +44,11 @@ def normal_sigma(grid: RangeGrid) -> Floats:
 
     A stripe's centre moves its point along the laser's sheet (`RangeGrid.sigma`); of that, what
     leads along the surface is no error of the surface. Where a point or those about it claim more
-    than noise makes, the plane through them is no surface, and may lie otherwise by as much. As it
-    is where the camera's place or the sheet is not known, and where the profiles bend within the
-    few lines that a plane is laid through: across a collar it leans as no face of the part does.
+    than noise makes, the plane through them is no surface, and may lie otherwise by as much. Where
+    there is no plane, and beside an edge, the width of the stripe tells how it lies
+    (`RangeGrid.width_share`). As it is where the camera's place or the sheet is not known, and
+    where the profiles bend within the few lines that a plane is laid through: across a collar it
+    leans as no face of the part does.
     """
     from turnscan.points import _normal_kernels as kernels
 
@@ -64,9 +66,11 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     noise = usual_sigma(known)
     share, far = np.empty(found.shape), max(_STEADY * noise, 1e-9)
     limits = far, max(_TILT, _TURNED * usual)
-    doubt = np.sqrt(
-        np.maximum(np.nan_to_num(grid.sigma) ** 2 - usual_sigma(known, most=True) ** 2, 0.0)
-    )
+    whole = np.nan_to_num(grid.sigma)
+    doubt = np.sqrt(np.maximum(whole**2 - usual_sigma(known, most=True) ** 2, 0.0)), whole
+    told = grid.width_share
+    if told is None:
+        told = np.full(found.shape, np.nan, np.float32)
 
     def part(first: int, end: int) -> None:
         there, X = found[first:end], grid.points[first:end]
@@ -74,7 +78,8 @@ def normal_sigma(grid: RangeGrid) -> Floats:
         along = _along(sheet[step], all_eyes[step] - X[there], all_eyes[step])
         length = np.linalg.norm(along, axis=1, keepdims=True)
         moves[first:end][there] = along / np.maximum(length, 1e-12)
-        kernels.shares(grid.points, doubt, moves, arc, limits, grid.closed, (first, end), share)
+        span = first, end
+        kernels.shares(grid.points, doubt, moves, told, arc, limits, grid.closed, span, share)
 
     in_parts(part, len(found), -(-len(found) // _TOGETHER))
     share[_bent(grid, moves, far)] = 1.0

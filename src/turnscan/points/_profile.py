@@ -142,7 +142,7 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
     if doubt is not None:
         mean = doubt[k, a] + w[..., None] * (doubt[k, b] - doubt[k, a])
         doubt = np.nan_to_num(mean).astype(np.float32)
-    noise = grid.noise
+    noise, share = grid.noise, grid.width_share
     if noise is not None:
         noise = np.hypot((1.0 - w) * noise[k, a], w * noise[k, b]).astype(np.float32)
     return replace(
@@ -155,5 +155,6 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
         behind=behind,
         halo=None if grid.halo is None else np.fmax(grid.halo[k, a], grid.halo[k, b]),
         noise=noise,
+        width_share=None if share is None else np.maximum(share[k, a], share[k, b]),
         origin=Origin(grid, np.where(there, at - 1 + w, np.nan)),
     )

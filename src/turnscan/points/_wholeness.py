@@ -25,6 +25,7 @@ from turnscan.points._creased import (
     fineness,
 )
 from turnscan.points._cut import NOISE, by_light, by_width, lacking
+from turnscan.points._due_width import SMOOTH, due_width
 from turnscan.points._lit_points import LitPoints
 from turnscan.points._lopsided import by_skew
 from turnscan.points._own_light import (
@@ -37,6 +38,7 @@ from turnscan.points._own_light import (
     spent,
     strays,
 )
+from turnscan.points._width_share import share_by_width
 from turnscan.threads import in_parts
 
 _SURE = 0.15
@@ -47,21 +49,6 @@ _SURE_END = 0.09
 _LONG = 0.6
 """Part of a step that the sheet reaches over, below which a point that is off tilts its chord by so
 little that what is due on that is believed of a wide stripe where the surface ends."""
-_SMOOTH = 0.08
-"""Difference of two surfaces to the light, as a part, up to which they are one …"""
-_SHARE = 0.25
-"""… or half as much again as that of this share of all, where curvature and coarse steps make it
-more, but no more than twice of it: beyond that nobody knows what is due."""
-_FEW, _MANY = 50, 200_000
-"""Points that are enough to know how thick the sheet is, and more than which tell no more."""
-_VARIES = 0.12
-"""Scatter of widths about what is due, as a part, beyond which something else makes them: a halo,
-clipping. Then they tell nothing of the surface."""
-_UNLIKE = 1.2
-"""Squares of two slopes differ by this much where they can tell thickness from blur."""
-_TWICE = 2.0
-"""Times that a sheet may be thicker or thinner than the rig says, and no more: chords of coarse
-steps lie otherwise to the light than the surface does, and then slopes and widths tell nothing."""
 _CUT = 0.85
 """A stripe where what is seen ends is cut when it is narrower than this part of its due …"""
 _HALF = 0.6
@@ -130,6 +117,8 @@ class Wholeness:
     thickness: float
     """mm rms of the sheet, as the stripes' widths say; 0 where no slopes tell it from a blur, or
     where something else makes them."""
+    share: Floats
+    """(s, n) `share_by_width`."""
 
 
 def wholeness(light: LitPoints) -> Wholeness:
@@ -196,7 +185,8 @@ def _lying(
     slide = np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1]))
     side = side.copy()  # not a part of all three, which would be kept with it
     walk = np.stack([_steady(w) for w in walk])
-    due_on, thickness, told = _due(walk, width, light.stated)
+    due_on = due_width(walk, width, light.stated)
+    thickness = due_on.thickness
     flat = _along_steps(kernels.further_in, light, arcs, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
     bent = creased(
@@ -247,11 +237,12 @@ def _lying(
     alone = Alone(lone, still, blind, agree)
     doubt = by_own_light(light, lit, doubt, alone, thickness, due_on)
     shift, doubt, cut = by_skew(light, lit, (shift, doubt), thickness, due_on)
-    seen = thickness if told else 0.0
+    seen = thickness if due_on.told else 0.0
     # Where widths do not tell how far the light reaches over an edge, what the rig says counts.
     reach = seen or light.stated
     near = (fineness(arcs, reach) >= 1.0) & (reach > 0)
-    own = Wholeness(shift, doubt, tail, glow, slide, near, seen)
+    leaning = share_by_width(light, due_on.walk_of(width))
+    own = Wholeness(shift, doubt, tail, glow, slide, near, seen, leaning)
     return own, thickness, still, cut
 
 
@@ -319,7 +310,7 @@ def _judged(
     ratio = width / due
     # A cut makes none wider: one that is as wide as is due on its chord lies as that does, where
     # the line leads straight on, or the step is long.
-    alike = (some.goes_on | (some.fine < _LONG)) & (ratio > 1.0) & (np.abs(own - 1.0) <= _SMOOTH)
+    alike = (some.goes_on | (some.fine < _LONG)) & (ratio > 1.0) & (np.abs(own - 1.0) <= SMOOTH)
     ratio, due = np.where(alike, own, ratio), np.where(alike, width / own, due)
     border = np.isnan(walk[0]) != np.isnan(walk[1])
     border &= some.found & ~np.isnan(ratio).all(axis=0)
@@ -346,7 +337,7 @@ def _judged(
     doubt = np.where(cut, unsure, doubt)
     shift = np.where(cut, np.where(known, off, 0.0), pulled)
     # As wide as it is due on one side: that it is narrow is told already, as far as that is known.
-    fits = (np.abs(ratio - 1.0) <= _SMOOTH).any(axis=0)
+    fits = (np.abs(ratio - 1.0) <= SMOOTH).any(axis=0)
     pinched = _pinched(width, some.light, some.beyond)
     doubt = np.maximum(doubt, np.where(fits, sure, 1.0) * pinched)
     wide = width / np.clip(np.nan_to_num(narrow, nan=1.0), _HALF, 1.0)
@@ -542,20 +533,11 @@ def _gaps(points: Floats) -> Floats:
     return np.asarray(gaps[~np.isnan(gaps)])
 
 
-def _smooth(walk: Floats, width: Floats) -> Bools:
-    """(s, n) True where the profiles before and after tell the same of how the surface lies."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        differ = np.where(np.isnan(width), np.nan, np.abs(np.log(walk[0] / walk[1])))
-    known = differ[np.isfinite(differ)]
-    some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
-    return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
-
-
 def _agree(walk: Floats) -> Bools:
     """(s, n) True where chords to the profiles before and after lie alike to the light, as far as a
     coarse turn about a round part leaves them alike."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.abs(np.log(walk[0] / walk[1])) <= 2 * _SMOOTH)
+        return np.asarray(np.abs(np.log(walk[0] / walk[1])) <= 2 * SMOOTH)
 
 
 def _round(walk: Floats, arcs: Floats, thickness: float) -> Bools:
@@ -634,42 +616,3 @@ def _differ(due: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         noise = NOISE * (due[0] + due[1])
         return np.asarray(np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0)))
-
-
-def _due(
-    walk: Floats, width: Floats, stated: float
-) -> tuple[Callable[[Floats], Floats], float, bool]:
-    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light, how
-    thick the sheet is, mm rms, and whether slopes told that from a blur.
-
-    The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
-    Chords of a curved surface lie to the light otherwise than it does, one way before and the
-    other after: what is usual there is due. NaN where nothing can be told.
-    """
-    smooth = np.nonzero(_smooth(walk, width))
-    if len(smooth[0]) < _FEW:
-        return lambda other: np.full(other.shape, np.nan), stated, False
-    some = tuple(index[:: -(-len(index) // _MANY)] for index in smooth)
-    on, lit = np.stack([w[some] for w in walk]), width[some]
-    x, y = 1.0 / on.mean(axis=0) ** 2, lit**2
-    steep = x > np.median(x)
-    ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
-    (x0, y0), (x1, y1) = ends[0], ends[-1]
-    told = x1 > x0 * _UNLIKE
-    slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if told else y0 / x0
-    if stated > 0 and told and not stated / _TWICE < np.sqrt(slope) < stated * _TWICE:
-        told, slope = False, min(stated**2, y0 / x0)
-    blur = max(y0 - slope * x0, 0.0)
-    part = np.log(lit / np.sqrt(slope / on**2 + blur))
-    usual = np.median(part, axis=1)
-    scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
-    thickness = float(np.sqrt(slope))
-    if scatter > _VARIES:
-        return lambda other: np.full(other.shape, np.nan), stated, False
-    more = np.exp(usual)[:, None, None]
-
-    def due(other: Floats) -> Floats:
-        known = np.where(np.isinf(other), np.nan, other)
-        return np.asarray(more * np.sqrt(slope / known**2 + blur))
-
-    return due, thickness, told

@@ -148,7 +148,7 @@ def _between(
     if eyes is not None:
         # The camera stands still: in the object's frame it turns back as the table turns.
         eyes = np.einsum("sij,sj->si", rotation_z(before - wanted), eyes[a])
-    doubt = grid.light_doubt
+    doubt, share = grid.light_doubt, grid.width_share
     if doubt is not None:
         doubt = np.nan_to_num(mean(doubt.astype(np.float64))).astype(np.float32)
     return replace(
@@ -167,4 +167,5 @@ def _between(
         light_doubt=doubt,
         halo=None if grid.halo is None else np.fmax(grid.halo[a], grid.halo[b]),
         noise=None if grid.noise is None else noise.astype(np.float32),
+        width_share=None if share is None else np.maximum(share[a], share[b]),
     )
