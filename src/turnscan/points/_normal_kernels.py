@@ -221,7 +221,9 @@ def shares(
             if np.isnan(points[k, j, 0]):
                 continue
             lines = _tangents(points, doubt[0], k, j, limits[0], ups, unsure)
-            move = vector(moves, k, j)
+            # The last of a run may be cut, whatever its width.
+            low, high = _run_of(points, k, j)
+            width, move = told[k, j] if low < j < high else np.nan, vector(moves, k, j)
             past, beyond, on, count = (0.0, 0.0, 0.0), 0.0, np.zeros(2, np.bool_), 0
             for hand in range(2):
                 sign = 1 - 2 * hand
@@ -237,18 +239,18 @@ def shares(
                 o, there = beside(points, m, j, sign, arc, limits[0], closed, True)
                 on[hand] = there and _runs_on(points, doubt[1], (k, m, o), j, move)
             if not count:
-                out[k, j] = 1.0 if np.isnan(told[k, j]) else told[k, j]
+                out[k, j] = width if width > 0.0 else 1.0
                 continue
-            low, high = min(side[0, 0], side[1, 0]), max(side[0, 1], side[1, 1])
+            least, most = min(side[0, 0], side[1, 0]), max(side[0, 1], side[1, 1])
             mean, best = min(side[:, 2].sum() / count, 1.0), max(side[0, 3], side[1, 3])
-            even = high - low <= limits[1] * np.sqrt(1.0 - mean * mean)
+            even = most - least <= limits[1] * np.sqrt(1.0 - mean * mean)
             out[k, j] = best
             if count == _ALL and even:
                 up = (ups[0, 0] - ups[1, 0], ups[0, 1] - ups[1, 1], ups[0, 2] - ups[1, 2])
                 middle = _share(up, past, move, (np.hypot(unsure[0], unsure[1]), beyond))
                 out[k, j] = middle if middle >= 0.0 else best
-            elif on[0] != on[1] and not np.isnan(told[k, j]):
-                out[k, j] = min(best, max(side[0 if on[0] else 1, 3], told[k, j]))
+            elif on[0] != on[1] and width > 0.0:
+                out[k, j] = min(best, max(side[0 if on[0] else 1, 3], width))
 
 
 @njit(cache=True, nogil=True)

@@ -21,9 +21,9 @@ def share_by_width(light: LitPoints, walk: Floats) -> Floats:
     the surface's normal, if a pixel leads ``walk`` (s, n) mm away from the sheet on it.
 
     That, and the profile, leave two surfaces, one turned to either side; the larger cosine of both
-    is given, `_LEAST` at least. NaN where nothing is known. The sheet, of thickness σ, lights a band of the surface
-    that is σ wide across the sheet, and the camera sees it from aside: what is w pixels wide leads
-    σ/w mm away from the sheet with each.
+    is given, `_LEAST` at least. NaN where nothing is known. The sheet, of thickness σ, lights a
+    band of the surface that is σ wide across the sheet, and the camera sees it from aside: what is
+    w pixels wide leads σ/w mm away from the sheet with each.
     """
     from turnscan.points import _normal_kernels as kernels
 
