@@ -16,6 +16,26 @@ NOISE = 0.08
 """px."""
 
 
+def shares(points, moves, doubt, *, told=None, noise=0.0):
+    """What the kernel of that name writes of profiles a millimetre apart, each point with so much
+    ``doubt`` (s, n) mm and ``noise`` mm; ``told`` (s, n) by the stripes' widths."""
+    size = points.shape[:2]
+    nothing = np.full(size, np.nan) if told is None else told
+    out = np.empty(size)
+    kernels.shares(
+        points,
+        (doubt, np.hypot(doubt, noise)),
+        moves,
+        nothing.astype(np.float32),
+        np.ones(size),
+        (0.64, 0.2),
+        False,
+        (0, size[0]),
+        out,
+    )
+    return out
+
+
 def round_part(steps: int) -> RangeGrid:
     rig = make_rig()
     angles = full_turn(steps)
@@ -100,17 +120,7 @@ def test_noise_raises_no_share_and_an_edge_has_that_of_its_worse_side(bend, want
     points[..., 1] = 0.4 * np.arange(lines)
     points[..., 2] += rng.normal(0.0, 0.08, (steps, lines))
     moves = np.tile([np.sqrt(0.75), 0.0, 0.5], (steps, lines, 1))
-    share = np.empty((steps, lines))
-    kernels.shares(
-        points,
-        np.zeros(share.shape),
-        moves,
-        np.full(share.shape, apart),
-        (0.64, 0.2),
-        False,
-        (0, steps),
-        share,
-    )
+    share = shares(points, moves, np.zeros(points.shape[:2]))
     middle = share[10, 20:-20]
     assert np.median(middle) == pytest.approx(wanted, abs=0.03)
 
@@ -159,17 +169,7 @@ def test_the_error_of_a_point_does_not_change_what_is_claimed_of_it():
     points[..., 2] = 0.0
     moves = np.tile([0.5, 0.0, np.sqrt(0.75)], (21, 200, 1))
     points[10, 100] += 0.05 * moves[10, 100]
-    share = np.empty((21, 200))
-    kernels.shares(
-        points,
-        np.zeros(share.shape),
-        moves,
-        np.full(share.shape, 1.0),
-        (0.64, 0.2),
-        False,
-        (0, 21),
-        share,
-    )
+    share = shares(points, moves, np.zeros((21, 200)))
     assert share[10, 100] == pytest.approx(np.sqrt(0.75), abs=1e-12)
 
 
@@ -182,8 +182,7 @@ def test_the_plane_through_doubted_points_may_lie_otherwise_by_as_much(doubted):
     moves = np.tile([0.98, 0.0, np.sqrt(1 - 0.98**2)], (21, 200, 1))
     doubt = np.zeros((21, 200))
     doubt[8:13] = doubted
-    share, arcs = np.empty((21, 200)), np.full((21, 200), 1.0)
-    kernels.shares(points, doubt, moves, arcs, (0.64, 0.2), False, (0, 21), share)
+    share = shares(points, moves, doubt)
     assert share[3, 20:-20] == pytest.approx(moves[0, 0, 2], abs=1e-12), "far from what is doubted"
     # Profiles 2 mm apart, both ends off by the doubt, tilt their chord by so much.
     tilt = np.sqrt(2) * doubted / 2.0
@@ -191,3 +190,54 @@ def test_the_plane_through_doubted_points_may_lie_otherwise_by_as_much(doubted):
     assert (share[10, 20:-20] <= 1.0).all()
     assert np.median(share[10]) >= 0.97 * np.sin(most)
     assert (np.median(share[10]) > 0.99) == (doubted >= 5.0)
+
+
+def folded(bend):
+    """A surface that turns by ``bend`` degrees half-way between its profiles 10 and 11, and the way
+    in which its points err: at 60° to its normal before that."""
+    across, turn = 1.0 * np.arange(21) - 10.5, np.deg2rad(bend)
+    points = np.empty((21, 40, 3))
+    points[..., 0] = np.where(across > 0, np.cos(turn) * across, across)[:, None]
+    points[..., 1] = 0.4 * np.arange(40)
+    points[..., 2] = np.where(across > 0, -np.sin(turn) * across, 0.0)[:, None]
+    return points, np.tile([np.sqrt(0.75), 0.0, 0.5], (21, 40, 1))
+
+
+@pytest.mark.parametrize(
+    ("told", "wanted"), [(0.5, 0.5), (0.6, 0.6), (0.75, 0.75), (1.0, "worse"), (np.nan, "worse")]
+)
+def test_beside_an_edge_the_width_tells_which_side_a_point_lies_on(told, wanted):
+    """Its chord to the other side leads neither way; those before it go straight on."""
+    points, moves = folded(60.0)
+    none = np.zeros((21, 40))
+    worse = shares(points, moves, none, noise=0.02)
+    share = shares(points, moves, none, told=np.full((21, 40), told), noise=0.02)
+    inner = slice(2, -2)
+    assert np.median(worse[10]) > 0.85
+    if wanted == "worse":
+        assert share[10, inner] == pytest.approx(worse[10, inner])
+    else:
+        assert share[10, inner] == pytest.approx(wanted, abs=1e-6)
+    assert share[:9] == pytest.approx(worse[:9]), "far from the edge chords tell"
+    assert share[10, [0, -1]] == pytest.approx(worse[10, [0, -1]]), "the last of a run may be cut"
+
+
+def test_where_chords_on_both_sides_go_straight_on_the_width_does_not_decide():
+    """A crease on a profile itself: it may be of either side."""
+    points, moves = folded(60.0)
+    points[11] = points[10] + (points[10] - points[9]) * 0.5  # both planes go through profile 11
+    points[12:] += points[11] - (points[12] - (points[13] - points[12]))
+    none = np.zeros((21, 40))
+    worse = shares(points, moves, none, noise=0.02)
+    share = shares(points, moves, none, told=np.full((21, 40), 0.5), noise=0.02)
+    assert share[11] == pytest.approx(worse[11])
+
+
+def test_a_profile_by_itself_has_what_its_width_tells():
+    points, moves = folded(0.0)
+    points[[9, 11]] = np.nan
+    none, told = np.zeros((21, 40)), np.full((21, 40), 0.7)
+    alone = shares(points, moves, none, told=told)[10]
+    assert alone[1:-1] == pytest.approx(0.7)
+    assert (alone[[0, -1]] == 1.0).all(), "the last of a run may be cut"
+    assert (shares(points, moves, none)[10] == 1.0).all(), "where nothing tells"

@@ -123,13 +123,17 @@ def bent(
 
 @njit(cache=True, nogil=True)
 def by_width(
-    places: tuple[Floats, Floats, Floats, Floats], walk: Floats, span: tuple[int, int], out: Floats
+    places: tuple[Floats, Floats, Floats, Floats],
+    walk: Floats,
+    wider: float,
+    span: tuple[int, int],
+    out: Floats,
 ) -> None:
-    """Write the larger cosine (s, n) between the way along which a centre's error moves its point
+    """Write the largest cosine (s, n) between the way along which a centre's error moves its point
     and the normals of the two surfaces through its profile on which a pixel leads ``walk`` (s, n)
-    mm away from the sheet; NaN where nothing is known. ``places`` are points (s, n, 3) mm, the
-    camera (s, 3) mm, ∂X/∂u (s, n, 3) mm and the sheet's normals (s, n, 3). For the steps of a
-    ``span``."""
+    mm away from the sheet, or ``wider`` times as far; NaN where nothing is known. ``places`` are
+    points (s, n, 3) mm, the camera (s, 3) mm, ∂X/∂u (s, n, 3) mm and the sheet's normals (s, n, 3).
+    For the steps of a ``span``."""
     points, eyes, moves, sheets = places
     for k in range(span[0], span[1]):
         for j in range(points.shape[1]):
@@ -143,8 +147,8 @@ def by_width(
             along = _less(move, ray, dot(sheet, move) / past)
             size = np.sqrt(dot(along, along))
             best = 0.0
-            for sign in (1.0, -1.0):
-                on = _less(move, ray, (dot(sheet, move) + sign * walk[k, j]) / past)
+            for part in (1.0, -1.0, wider, -wider):
+                on = _less(move, ray, (dot(sheet, move) + part * walk[k, j]) / past)
                 normal = cross(up, on)
                 long = np.sqrt(dot(normal, normal)) * size
                 best = max(best, abs(dot(normal, along)) / long if long > 0.0 else 1.0)

@@ -8,8 +8,8 @@ from turnscan.arrays import Floats
 from turnscan.points._lit_points import LitPoints
 from turnscan.threads import in_parts
 
-_WIDER = 0.9
-"""Part of its width that a stripe has by its surface alone, at least."""
+_WIDER = 1.1
+"""Times that a stripe is wider than its surface alone makes it, at most."""
 _LEAST = 0.5
 """Cosine below which none is believed: the flatter a surface is seen, the less its width tells."""
 _TOGETHER = 64
@@ -21,17 +21,18 @@ def share_by_width(light: LitPoints, walk: Floats) -> Floats:
     the surface's normal, if a pixel leads ``walk`` (s, n) mm away from the sheet on it.
 
     That, and the profile, leave two surfaces, one turned to either side; the larger cosine of both
-    is given, `_LEAST` at least. NaN where nothing is known. The sheet, of thickness σ, lights a
-    band of the surface that is σ wide across the sheet, and the camera sees it from aside: what is
-    w pixels wide leads σ/w mm away from the sheet with each.
+    is given, also if something else makes the stripe a little wider, and `_LEAST` at least. NaN
+    where nothing is known. The sheet, of thickness σ, lights a band of the surface that is σ wide
+    across the sheet, and the camera sees it from aside: what is w pixels wide leads σ/w mm away
+    from the sheet with each.
     """
     from turnscan.points import _normal_kernels as kernels
 
-    out, far = np.empty(walk.shape), walk / _WIDER
+    out = np.empty(walk.shape)
     places = light.points, light.eyes, light.moves, light.sheets
 
     def part(first: int, end: int) -> None:
-        kernels.by_width(places, far, (first, end), out)
+        kernels.by_width(places, walk, _WIDER, (first, end), out)
 
     in_parts(part, len(out), -(-len(out) // _TOGETHER))
     return np.maximum(out, _LEAST)
