@@ -30,7 +30,7 @@ from turnscan import poses, shapes
 from turnscan.detection import detect_scan
 from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh, components, crossings, is_closed
-from turnscan.meshing import to_mesh
+from turnscan.meshing import source_of, to_mesh
 from turnscan.pipeline import build
 from turnscan.points import RangeGrid, placed
 from turnscan.rig import Pose
@@ -156,7 +156,7 @@ def alone(scene: str, stands: str, folder: Path) -> Alone:
     filled = 0.0 if mesh.measured is None else 1 - mesh.area_of(mesh.measured) / mesh.area_of()
     if not is_closed(mesh):
         return Alone(scene, stands, true, math.nan, None, filled)
-    known = shapes.volume_sigma(mesh, done.source or shapes.Source(done.grids, made.rig))
+    known = shapes.volume_sigma(mesh, source_of(done.grids, made.rig, done.merged))
     return Alone(scene, stands, true, mesh.volume, known, filled)
 
 
@@ -202,7 +202,10 @@ class Joined:
     """Of the first pose, whose frame counts."""
     found: poses.Alignment
     profiles: Sequence[RangeSurface]
+    grids: Sequence[RangeGrid]
     closed: Mesh
+    merged: Mesh
+    """Before it was closed."""
 
 
 def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
@@ -223,7 +226,8 @@ def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
     poses.check(found, by_shape=not plan.picks)
     pairs = zip(names, grids, found.poses, strict=True)
     merged = to_mesh([placed(g, p, f"{n} {g.laser}") for n, gs, p in pairs for g in gs], s)
-    return Joined(benches[0], found, [r for rs in parts for r in rs], merged.mesh)
+    profiles = [r for rs in parts for r in rs]
+    return Joined(benches[0], found, profiles, merged.grids, merged.mesh, merged.merged)
 
 
 def picked(benches: Sequence[Bench], names: Sequence[str], seed: int) -> list[Pose]:
@@ -258,7 +262,10 @@ def figures(scene: str, size: Size, folder: Path) -> float:
     done = joined(scene, size, folder)
     mesh, true = done.closed, truth.made_mesh(done.made).volume
     moves = poses.pose_moves(done.found, mesh)
-    known = shapes.volume_sigma(mesh, shapes.Source(profiles=done.profiles, moves=moves))
+    known = shapes.volume_sigma(
+        mesh,
+        shapes.Source(done.grids, None, done.profiles, moves, surface=done.merged),
+    )
     parts = {
         "noise": known.noise,
         "edges": known.alike,
@@ -266,6 +273,7 @@ def figures(scene: str, size: Size, folder: Path) -> float:
         "between the profiles": known.profiles,
         "between the vertices": known.between,
         "filled": known.filled,
+        "points beside it": known.passed,
         "sheet": sheet_sigma(done.made, mesh),
     }
     u = math.sqrt(sum(v * v for v in parts.values()))

@@ -15,7 +15,7 @@ from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.settings import Settings
-from turnscan.shapes import Source
+from turnscan.shapes import Source, passed_findings
 from turnscan.surface import clean, decimation, fusion, holes
 
 
@@ -31,6 +31,8 @@ class Meshed(NamedTuple):
     """(k, 3) mm: vertices of the opened mesh that lost faces by hand."""
     lost: holes.LeftOut | None
     """Faces that were known too badly; None for none."""
+    merged: Mesh
+    """Before anything was edited."""
 
 
 def to_mesh(
@@ -61,7 +63,8 @@ def to_mesh(
     mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:
         touching += clean.long_islands(loose, s.island, grids, s.tears)
-    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(sure, rig))
+    merged = mesh
+    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(sure, rig, merged))
     mesh, closing = opened, list[Finding]()
     if finish:
         mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
@@ -72,8 +75,10 @@ def to_mesh(
     closed = finish and s.caps is not None
     some = left_out is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed, left_out=some)
+    if closed:
+        remarks += passed_findings(whole, source_of(sure, rig, merged))
     said = findings + points + uncertain + touching + repairing + closing + remarks
-    return Meshed(sure, opened, whole if finish else opened, said, cut, left_out)
+    return Meshed(sure, opened, whole if finish else opened, said, cut, left_out, merged)
 
 
 def _certain(
@@ -100,12 +105,13 @@ def finished(
     return mesh, findings
 
 
-def source_of(grids: Sequence[RangeGrid], rig: Rig | None) -> Source:
-    """What the uncertainty of a volume hangs on: the grids a mesh was made from, and their rig.
+def source_of(grids: Sequence[RangeGrid], rig: Rig | None, surface: Mesh | None = None) -> Source:
+    """What the uncertainty of a volume hangs on: the grids a mesh was made from, their rig, and the
+    ``surface`` that they were merged to.
 
     Grids that do not know where their camera stood were pasted, not merged.
     """
     there = [g for g in grids if g.found.any() and g.eyes is not None]
     merged = there if len(there) > 1 else []
     profiles = [r for g in merged for r in fusion.range_surfaces(g)]
-    return Source(tuple(grids), rig, tuple(profiles))
+    return Source(tuple(grids), rig, tuple(profiles), surface=surface)

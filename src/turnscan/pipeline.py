@@ -51,6 +51,8 @@ class Reconstruction:
     """(k, 3) mm: vertices of the mesh before closing that lost faces by hand; None for none."""
     lost: LeftOut | None = None
     """Faces that were left out as too uncertain; None for none."""
+    merged: Mesh | None = None
+    """The mesh before anything was edited; None where it is not known."""
 
     @cached_property
     def spaced(self) -> tuple[RangeGrid, ...]:
@@ -101,4 +103,5 @@ def build(
         tuple(made.grids), made.mesh, (*gridded.findings, *made.findings), tuple(edits),
         opened=made.opened, sought=tuple(gridded.sought), caps=s.caps if finish else None,
         along=s.along, tears=s.tears, cut=made.cut, lost=made.lost,
+        merged=made.merged,
     )  # fmt: skip

@@ -21,6 +21,7 @@ from turnscan.shapes._measure import (
 )
 from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Size, Spline
 from turnscan.shapes._outline_fit import fit_outlines
+from turnscan.shapes._passed import passed_findings
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.shapes._section import (
     Chain,
@@ -75,6 +76,7 @@ __all__ = [
     "half_plane_cut",
     "mean_curvature",
     "measured_points",
+    "passed_findings",
     "plane_angles",
     "plane_cut",
     "plane_of",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -12,6 +13,7 @@ from turnscan.arrays import Floats, Ints, Longs
 from turnscan.mesh import Mesh, vector_areas
 from turnscan.points import RangeGrid, pixel_moves, pixels_of, rig_moves
 from turnscan.rig import Pose, Rig
+from turnscan.shapes._passed import alone
 from turnscan.surface.fusion import RangeSurface
 
 _EDGE = float(np.cos(np.radians(45.0)))
@@ -47,6 +49,16 @@ class Source:
     cause, such as the pose of a scan."""
     placed: Sequence[View] = ()
     """In place of ``grids`` and ``rig`` where several poses were joined."""
+    surface: Mesh | None = None
+    """What was merged of the grids, before anything of it was edited, closed or thinned; None where
+    nobody kept it."""
+
+    @cached_property
+    def alone(self) -> Floats:
+        """(k, 3) mm: measured points that made no face of the surface."""
+        if self.surface is None or not self.grids:
+            return np.zeros((0, 3))
+        return alone(np.concatenate([g.points[g.found] for g in self.grids]), self.surface)
 
     @property
     def every_view(self) -> list[View]:

@@ -14,6 +14,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.mesh import Mesh, opposite_half_edges, vector_areas
 from turnscan.shapes._added import added_part
 from turnscan.shapes._hollow import hollow_sigma
+from turnscan.shapes._passed import passed_by, passed_sigma
 from turnscan.shapes._shared import Source, common_moves, moved, profile_sigma
 
 _WIDEST = 0.95
@@ -41,6 +42,9 @@ class VolumeSigma:
     hollow: float = 0.0
     """By bores and pockets that fillings may cover (`hollow_sigma`): it can only be too large."""
 
+    passed: float = 0.0
+    """By measured points that the fillings pass by (`passed_sigma`)."""
+
     added: float = 0.0
     """mm³ that the fillings hold beyond straight fans over their borders; part of the volume."""
 
@@ -60,8 +64,8 @@ class VolumeSigma:
 
     @property
     def unmeasured(self) -> float:
-        """Of what was filled, and of what may lie behind it."""
-        return float(np.hypot(self.filled, self.hollow))
+        """Of what was filled, of what may lie behind it, and of points that it passes by."""
+        return float(np.sqrt(self.filled**2 + self.hollow**2 + self.passed**2))
 
     @property
     def total(self) -> float:
@@ -77,6 +81,7 @@ class VolumeSigma:
             "the edges": self.alike,
             "the filled faces": self.filled,
             "what fillings may cover": self.hollow,
+            "measured points beside the filled faces": self.passed,
             "the interpolation between the profiles": self.profiles,
             "the calibration": self.shared,
             "the shapes": self.shapes,
@@ -109,6 +114,8 @@ def volume_sigma(
     - filled: what the fillings may be wrong by (`added_part`).
     - hollow: what bores and pockets behind them may take from it, where the ``source`` tells what
       was in sight (`hollow_sigma`).
+    - passed: what measured points that made no face, and that the fillings pass by, say of these
+      (`passed_sigma`).
     - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
     - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of
       the rig's covariance and those of the source (`common_moves`); they do not average out.
@@ -123,7 +130,10 @@ def volume_sigma(
     noise, alike = _noise(mesh, shares)
     bulge = abs(_bulge(mesh, faces))
     hollow = hollow_sigma(mesh, known.every_view)
-    return VolumeSigma(noise, bulge, more.sigma, between, common, alike, hollow, more.volume)
+    passed = passed_sigma(mesh, passed_by(mesh, known.alone), faces)
+    return VolumeSigma(
+        noise, bulge, more.sigma, between, common, alike, hollow, passed, more.volume
+    )
 
 
 def volume_figures(volume: float, known: VolumeSigma) -> dict[str, float | None]:

@@ -11,6 +11,7 @@ from turnscan import edit
 from turnscan.detection import View
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress
 from turnscan.settings import Settings
@@ -55,6 +56,8 @@ class SessionState:
     """What the scan could have seen, for the causes of holes."""
     lost: LeftOut | None
     """Faces that were left out as too uncertain, for these causes, too."""
+    merged: Mesh
+    """The surface before any edit of its faces."""
     revision: int
     epoch: int
     """Counts the surfaces whose faces have other numbers, from a random number on."""

@@ -336,7 +336,9 @@ def _merged(
     mesh, left = made.mesh, made.grids
     findings += poses.alignment_findings(found) + made.findings
     source = replace(
-        source_of(left, None), moves=tuple(poses.pose_moves(found, mesh)), placed=_views(pairs)
+        source_of(left, None, made.merged),
+        moves=tuple(poses.pose_moves(found, mesh)),
+        placed=_views(pairs),
     )
     return Reconstruction(
         tuple(left), mesh, tuple(findings), (), made.opened, source=source, along=settings.along,

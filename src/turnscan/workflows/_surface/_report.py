@@ -119,7 +119,7 @@ def volume_of(done: Reconstruction, rig: Rig | None) -> dict[str, float | None]:
 
 def made_from(done: Reconstruction, rig: Rig | None) -> Source:
     """What the uncertainty of all that is measured on a surface hangs on."""
-    return done.source or source_of(done.grids, rig)
+    return done.source or source_of(done.grids, rig, done.merged)
 
 
 def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
