@@ -15,7 +15,7 @@ from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.settings import Settings
-from turnscan.shapes import Source, passed_findings
+from turnscan.shapes import Source
 from turnscan.surface import clean, decimation, fusion, holes
 
 
@@ -32,7 +32,7 @@ class Meshed(NamedTuple):
     lost: holes.LeftOut | None
     """Faces that were known too badly; None for none."""
     merged: Mesh
-    """Before anything was edited."""
+    """With its islands, before anything was edited."""
 
 
 def to_mesh(
@@ -63,8 +63,7 @@ def to_mesh(
     mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:
         touching += clean.long_islands(loose, s.island, grids, s.tears)
-    merged = mesh
-    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(sure, rig, merged))
+    opened, repairing, cut = edit.repair_mesh(mesh, edits, lambda: source_of(sure, rig, loose))
     mesh, closing = opened, list[Finding]()
     if finish:
         mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
@@ -76,9 +75,9 @@ def to_mesh(
     some = left_out is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed, left_out=some)
     if closed:
-        remarks += passed_findings(whole, source_of(sure, rig, merged))
+        remarks += source_of(sure, rig, loose).findings(whole)
     said = findings + points + uncertain + touching + repairing + closing + remarks
-    return Meshed(sure, opened, whole if finish else opened, said, cut, left_out, merged)
+    return Meshed(sure, opened, whole if finish else opened, said, cut, left_out, loose)
 
 
 def _certain(

@@ -52,7 +52,7 @@ class Reconstruction:
     lost: LeftOut | None = None
     """Faces that were left out as too uncertain; None for none."""
     merged: Mesh | None = None
-    """The mesh before anything was edited; None where it is not known."""
+    """The mesh with its islands, before anything was edited; None where it is not known."""
 
     @cached_property
     def spaced(self) -> tuple[RangeGrid, ...]:

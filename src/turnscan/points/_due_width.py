@@ -35,7 +35,7 @@ class DueWidth:
     thickness: float
     """mm rms of the sheet."""
     told: bool = False
-    """Whether slopes told it from a blur."""
+    """Whether slopes distinguish it from a blur."""
     blur: float = 0.0
     """px²."""
     more: Floats | None = None

@@ -21,7 +21,6 @@ from turnscan.shapes._measure import (
 )
 from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Size, Spline
 from turnscan.shapes._outline_fit import fit_outlines
-from turnscan.shapes._passed import passed_findings
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.shapes._section import (
     Chain,
@@ -76,7 +75,6 @@ __all__ = [
     "half_plane_cut",
     "mean_curvature",
     "measured_points",
-    "passed_findings",
     "plane_angles",
     "plane_cut",
     "plane_of",

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, vector_areas
-
-if TYPE_CHECKING:
-    from turnscan.shapes._shared import Source
 
 _FAR = 2.0
 """Usual sides of what was measured from which on a point lies on no face."""
@@ -62,11 +58,12 @@ def passed_by(mesh: Mesh, points: Floats) -> Passed:
     return Passed(points, feet, np.where(outside, off, -off))
 
 
-def passed_findings(mesh: Mesh, source: Source) -> list[Finding]:
-    """A warning where the fillings of a mesh pass by more measured points than stray."""
-    found = passed_by(mesh, source.alone)
+def passed_findings(mesh: Mesh, points: Floats, measured: int) -> list[Finding]:
+    """A warning where the fillings of a mesh pass by more of the ``points`` (n, 3) that made no
+    face than stray, of so many ``measured``."""
+    found = passed_by(mesh, points)
     count = len(found.points)
-    if count <= _STRAY * sum(int(g.found.sum()) for g in source.grids):
+    if count <= _STRAY * measured:
         return []
     x, y, z = np.median(found.points, axis=0)
     most = float(np.abs(found.distance).max())

@@ -10,10 +10,11 @@ from itertools import chain
 import numpy as np
 
 from turnscan.arrays import Floats, Ints, Longs
+from turnscan.findings import Finding
 from turnscan.mesh import Mesh, vector_areas
 from turnscan.points import RangeGrid, pixel_moves, pixels_of, rig_moves
 from turnscan.rig import Pose, Rig
-from turnscan.shapes._passed import alone
+from turnscan.shapes._passed import alone, passed_findings
 from turnscan.surface.fusion import RangeSurface
 
 _EDGE = float(np.cos(np.radians(45.0)))
@@ -50,8 +51,8 @@ class Source:
     placed: Sequence[View] = ()
     """In place of ``grids`` and ``rig`` where several poses were joined."""
     surface: Mesh | None = None
-    """What was merged of the grids, before anything of it was edited, closed or thinned; None where
-    nobody kept it."""
+    """What was merged of the grids, islands as well, before anything of it was edited, closed or
+    thinned; None where it was not kept."""
 
     @cached_property
     def alone(self) -> Floats:
@@ -59,6 +60,10 @@ class Source:
         if self.surface is None or not self.grids:
             return np.zeros((0, 3))
         return alone(np.concatenate([g.points[g.found] for g in self.grids]), self.surface)
+
+    def findings(self, mesh: Mesh) -> list[Finding]:
+        """What the measured points say of the fillings of the mesh, where they pass them by."""
+        return passed_findings(mesh, self.alone, sum(int(g.found.sum()) for g in self.grids))
 
     @property
     def every_view(self) -> list[View]:

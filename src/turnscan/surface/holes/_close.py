@@ -146,7 +146,7 @@ def _filled(
 
 
 def _parted(before: Mesh, after: Mesh) -> bool:
-    """Whether a piece of a surface hangs together no longer, or one that is no crumb is gone: its
+    """Whether a piece of a surface hangs together no longer, or one that is no crumb is lost: its
     vertices, whose numbers are the same in both, lie on several pieces, `_CRUMB` of them at least
     on a second, or most of them on none."""
     old, new = _piece_of(before), _piece_of(after)[: len(before.vertices)]

@@ -30,7 +30,7 @@ from turnscan.points import RangeGrid, Volume, working_volume
 from turnscan.progress import Progress
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
-from turnscan.shapes import Source, passed_findings
+from turnscan.shapes import Source
 from turnscan.stripes import StripeSettings
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
@@ -196,7 +196,7 @@ class ScanSession:
         if mesh is not opened:
             found += mesh_findings(whole, 0, 0, closed=s.caps is not None)
         if s.caps is not None:
-            found += passed_findings(whole, source_of(state.grids, self._rig, state.merged))
+            found += source_of(state.grids, self._rig, state.merged).findings(whole)
         shown = whole
         if not state.options.no_colour:
             shown, said = coloured(whole, [TextureSource(self.scan, self._rig)], progress)
@@ -669,7 +669,7 @@ class ScanSession:
     def _source(self) -> Source:
         """What the surface was made from that was built last."""
         last = list(self._built.values())[-1]
-        return source_of(last.grids, self._rig, last.mesh)
+        return source_of(last.grids, self._rig, last.merged)
 
     def _state(self, document: edit.Document, revision: int, epoch: int) -> SessionState:
         """What stands now; of what was built, only this is kept, for a preview builds, too."""
@@ -681,7 +681,7 @@ class ScanSession:
         self._current = s.stripes, s.volume
         views = {d.view.laser: d.view for d in self._seen[self._current]}
         return SessionState(
-            document, done.grids, done.sought, done.lost, done.mesh, revision, epoch,
+            document, done.grids, done.sought, done.lost, done.merged, revision, epoch,
             edit.figures(document.body), options, s, views,
             measures_of(document, self._known_of(document)), self._sets(document),
         )  # fmt: skip

@@ -56,8 +56,8 @@ class SessionState:
     """What the scan could have seen, for the causes of holes."""
     lost: LeftOut | None
     """Faces that were left out as too uncertain, for these causes, too."""
-    merged: Mesh
-    """The surface before any edit of its faces."""
+    merged: Mesh | None
+    """The surface with its islands, before any edit of its faces."""
     revision: int
     epoch: int
     """Counts the surfaces whose faces have other numbers, from a random number on."""
