@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -62,27 +64,24 @@ def test_it_is_that_of_the_surface_or_of_the_other_one_on_which_it_is_as_wide(tu
     assume(np.linalg.norm(np.cross(normal, plane)) > 0.1)
     light, walk, share = lit(normal, plane)
     assume((walk > 1e-4).all())
-    told = share_by_width(light, walk)
+    told, share = share_by_width(light, walk)[:, 1:-1], share[:, 1:-1]
     assert (told >= share - 1e-6).all(), "never less"
     assert (told >= _width_share._LEAST).all()
     assert (told <= 1.0).all()
 
 
 @given(st.floats(-0.9, 0.9), st.floats(0.3, 1.2))
-def test_without_allowance_one_of_both_is_exactly_that_of_the_surface(turn, sheet):
-    """The larger one, wherever it is the surface that turns away from the camera."""
-    normal = np.array([np.cos(turn), np.sin(turn), 0.1])
-    light, walk, share = lit(_unit(normal), np.array([-np.sin(sheet), np.cos(sheet), 0.0]))
+def test_without_allowance_it_is_the_larger_one_of_both(turn, sheet):
+    normal = _unit(np.array([np.cos(turn), np.sin(turn), 0.1]))
+    light, walk, share = lit(normal, np.array([-np.sin(sheet), np.cos(sheet), 0.0]))
     assume((walk > 1e-3).all())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_width_share, "_WIDER", 1.0)
         patch.setattr(_width_share, "_LEAST", 0.0)
-        told = share_by_width(light, walk)
-    assert (told >= share - 1e-9).all()
-    wider = share_by_width(light, 0.5 * walk)
-    assert (wider <= np.maximum(told, _width_share._LEAST) + 1e-9).all(), (
-        "what is wider lies aslant"
-    )
+        told = share_by_width(light, walk)[0, 4]
+    other = lit(_other(normal, light, walk), light.sheets[0, 0])
+    assert other[1][0, 4] == pytest.approx(walk[0, 4], rel=1e-6), "it is as wide there"
+    assert told == pytest.approx(max(share[0, 4], other[2][0, 4]), abs=1e-6)
 
 
 def test_nothing_is_told_of_a_point_by_itself_nor_without_a_width():
@@ -92,6 +91,17 @@ def test_nothing_is_told_of_a_point_by_itself_nor_without_a_width():
     walk[0, 3] = np.nan
     assert np.isnan(share_by_width(light, walk)[0, 3])
     assert not np.isnan(share_by_width(light, walk)[0, 4])
+
+
+def test_nothing_is_told_at_the_ends_of_a_run_nor_where_a_profile_jumps():
+    light, walk, _ = lit(np.array([0.8, 0.6, 0.0]), np.array([0.0, 1.0, 0.0]), lines=21)
+    told = share_by_width(light, walk)[0]
+    assert np.isnan(told[[0, -1]]).all()
+    assert not np.isnan(told[1:-1]).any()
+    points = light.points.copy()
+    points[0, 10:] += [9.0, 0.0, 0.0]  # along the sheet, more than the run is long
+    jumps = share_by_width(replace(light, points=points), walk)[0]
+    assert np.isnan(jumps[[8, 9, 10, 11]]).all()
 
 
 @given(st.floats(0.02, 0.5), st.floats(0.0, 0.5), st.floats(0.05, 2.0))

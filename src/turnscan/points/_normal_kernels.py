@@ -14,6 +14,8 @@ _ALL = 4
 """Normals about a point that has neighbours on all sides."""
 _RUN = 8
 """Lines to either side, at most, over which a profile tells its direction."""
+_STRAIGHT = 0.8
+"""Cosine of the bend up to which it does: across a jump it leads along no surface."""
 _ON = 2.0
 """Sigma by which a point may lie off a line that it is on."""
 
@@ -139,9 +141,13 @@ def by_width(
         for j in range(points.shape[1]):
             out[k, j] = np.nan
             low, high = _run_of(points, k, j)
-            if low == high or not walk[k, j] > 0.0:
+            before, after = way(points, k, low, k, j), way(points, k, j, k, high)
+            straight = dot(before, after) > _STRAIGHT * np.sqrt(
+                dot(before, before) * dot(after, after)
+            )
+            if not (straight and walk[k, j] > 0.0):
                 continue
-            up, sheet = way(points, k, low, k, high), vector(sheets, k, j)
+            up, sheet = _less(after, before, -1.0), vector(sheets, k, j)
             ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
             past = dot(sheet, ray)
             along = _less(move, ray, dot(sheet, move) / past)

@@ -22,9 +22,9 @@ def share_by_width(light: LitPoints, walk: Floats) -> Floats:
 
     That, and the profile, leave two surfaces, one turned to either side; the larger cosine of both
     is given, also if something else makes the stripe a little wider, and `_LEAST` at least. NaN
-    where nothing is known. The sheet, of thickness σ, lights a band of the surface that is σ wide
-    across the sheet, and the camera sees it from aside: what is w pixels wide leads σ/w mm away
-    from the sheet with each.
+    where nothing is known, at the ends of runs, and where the profile jumps. The sheet, of
+    thickness σ, lights a band of the surface that is σ wide across the sheet, and the camera sees
+    it from aside: what is w pixels wide leads σ/w mm away from the sheet with each.
     """
     from turnscan.points import _normal_kernels as kernels
 
