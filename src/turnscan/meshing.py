@@ -75,7 +75,7 @@ def to_mesh(
     some = left_out is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed, left_out=some)
     if closed:
-        remarks += source_of(sure, rig, loose).findings(whole)
+        remarks += Source(tuple(sure), surface=loose).findings(whole)
     said = findings + points + uncertain + touching + repairing + closing + remarks
     return Meshed(sure, opened, whole if finish else opened, said, cut, left_out, loose)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Singles
+from turnscan.arrays import Bools, Floats, Longs, Singles
 from turnscan.compiled import njit
 from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, ray_of, vector, way
 
@@ -197,6 +197,42 @@ def _runs_on(
 
 
 @njit(cache=True, nogil=True)
+def _one_side(
+    points: Floats,
+    sigma: Floats,
+    arc: Floats,
+    at: tuple[int, int],
+    near: Longs,
+    move: Vector,
+    least: float,
+    closed: bool,
+) -> int:
+    """0 or 1: the one side on which a point at a step and line goes on the line of those ``near``
+    (2,) it, by their steps, and beyond, if it does on one alone; else −1."""
+    k, j = at
+    found = -1
+    for hand in range(2):
+        m = near[hand]
+        if m < 0:
+            continue
+        o, there = beside(points, m, j, 1 - 2 * hand, arc, least, closed, True)
+        if there and _runs_on(points, sigma, (k, m, o), j, move):
+            if found >= 0:
+                return -1
+            found = hand
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _asked(points: Floats, told: Singles, k: int, j: int) -> bool:
+    """Whether what the width of a point's stripe tells is believed: the last of a run may be cut,
+    whatever its width."""
+    if np.isnan(told[k, j]) or not 0 < j < points.shape[1] - 1:
+        return False
+    return not (np.isnan(points[k, j - 1, 0]) or np.isnan(points[k, j + 1, 0]))
+
+
+@njit(cache=True, nogil=True)
 def shares(
     points: Floats,
     doubt: tuple[Floats, Floats],
@@ -225,20 +261,19 @@ def shares(
     Steps from the first to before the second of ``span`` are written.
     """
     ups, unsure, side = np.empty((2, 3)), np.zeros(2), np.empty((2, 4))
+    near = np.empty(2, np.int64)
     for k in range(span[0], span[1]):
         for j in range(points.shape[1]):
             out[k, j] = 1.0
             if np.isnan(points[k, j, 0]):
                 continue
             lines = _tangents(points, doubt[0], k, j, limits[0], ups, unsure)
-            # The last of a run may be cut, whatever its width.
-            low, high = _run_of(points, k, j)
-            width, move = told[k, j] if low < j < high else np.nan, vector(moves, k, j)
-            past, beyond, on, count = (0.0, 0.0, 0.0), 0.0, np.zeros(2, np.bool_), 0
+            move, past, beyond, count = vector(moves, k, j), (0.0, 0.0, 0.0), 0.0, 0
             for hand in range(2):
                 sign = 1 - 2 * hand
-                side[hand] = 2.0, -1.0, 0.0, -1.0
+                side[hand, 0], side[hand, 1], side[hand, 2], side[hand, 3] = 2.0, -1.0, 0.0, -1.0
                 m, far = beside(points, k, j, sign, arc, limits[0], closed, True)
+                near[hand] = m if far else -1
                 if not far:
                     continue
                 v = way(points, k, j, m, j)
@@ -246,21 +281,21 @@ def shares(
                 beyond = np.hypot(beyond, doubt[0][m, j])
                 ends = doubt[0][k, j], doubt[0][m, j]
                 count += _of_side(ups, unsure, lines, v, move, ends, side[hand])
-                o, there = beside(points, m, j, sign, arc, limits[0], closed, True)
-                on[hand] = there and _runs_on(points, doubt[1], (k, m, o), j, move)
             if not count:
-                out[k, j] = width if width > 0.0 else 1.0
+                out[k, j] = told[k, j] if _asked(points, told, k, j) else 1.0
                 continue
             least, most = min(side[0, 0], side[1, 0]), max(side[0, 1], side[1, 1])
-            mean, best = min(side[:, 2].sum() / count, 1.0), max(side[0, 3], side[1, 3])
+            mean, best = min((side[0, 2] + side[1, 2]) / count, 1.0), max(side[0, 3], side[1, 3])
             even = most - least <= limits[1] * np.sqrt(1.0 - mean * mean)
             out[k, j] = best
             if count == _ALL and even:
                 up = (ups[0, 0] - ups[1, 0], ups[0, 1] - ups[1, 1], ups[0, 2] - ups[1, 2])
                 middle = _share(up, past, move, (np.hypot(unsure[0], unsure[1]), beyond))
                 out[k, j] = middle if middle >= 0.0 else best
-            elif on[0] != on[1] and width > 0.0:
-                out[k, j] = min(best, max(side[0 if on[0] else 1, 3], width))
+            elif _asked(points, told, k, j):
+                hand = _one_side(points, doubt[1], arc, (k, j), near, move, limits[0], closed)
+                if hand >= 0:
+                    out[k, j] = min(best, max(side[hand, 3], told[k, j]))
 
 
 @njit(cache=True, nogil=True)

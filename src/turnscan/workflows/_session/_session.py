@@ -196,7 +196,7 @@ class ScanSession:
         if mesh is not opened:
             found += mesh_findings(whole, 0, 0, closed=s.caps is not None)
         if s.caps is not None:
-            found += source_of(state.grids, self._rig, state.merged).findings(whole)
+            found += Source(state.grids, surface=state.merged).findings(whole)
         shown = whole
         if not state.options.no_colour:
             shown, said = coloured(whole, [TextureSource(self.scan, self._rig)], progress)
