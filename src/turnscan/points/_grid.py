@@ -73,7 +73,7 @@ class RangeGrid:
     width_share: Singles | None = None
     """(s, n) cosine between the way along which the error of a stripe's centre moves its point and
     the surface's normal, as the stripe's width tells, or a larger one; NaN where it tells nothing,
-    None where none does."""
+    None where no width was looked at."""
     alike: float = 0.0
     """Correlation of ``noise`` on adjacent lines of a profile: speckle grains taller than a pixel,
     interpolated colours, JPEG."""

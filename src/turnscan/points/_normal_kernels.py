@@ -150,6 +150,8 @@ def by_width(
             up, sheet = _less(after, before, -1.0), vector(sheets, k, j)
             ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
             past = dot(sheet, ray)
+            if past == 0.0:
+                continue  # the camera is in the sheet
             along = _less(move, ray, dot(sheet, move) / past)
             size = np.sqrt(dot(along, along))
             best = 0.0
@@ -188,7 +190,7 @@ def _runs_on(
     k, m, o = step
     v, on = way(points, k, j, m, j), way(points, m, j, o, j)
     long, size = np.sqrt(dot(on, on)), np.sqrt(dot(v, v))
-    if not long > 0.0:
+    if not (long > 0.0 and dot(v, on) > 0.0):
         return False
     unit, share = (on[0] / long, on[1] / long, on[2] / long), size / long
     off = np.hypot(sigma[m, j] * (1.0 + share), sigma[o, j] * share)

@@ -14,7 +14,7 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh, vector_areas
 from turnscan.points import RangeGrid, pixel_moves, pixels_of, rig_moves
 from turnscan.rig import Pose, Rig
-from turnscan.shapes._passed import alone, passed_findings
+from turnscan.shapes._passed import Alone, alone, passed_findings
 from turnscan.surface.fusion import RangeSurface
 
 _EDGE = float(np.cos(np.radians(45.0)))
@@ -55,10 +55,10 @@ class Source:
     thinned; None where it was not kept."""
 
     @cached_property
-    def alone(self) -> Floats:
-        """(k, 3) mm: measured points that made no face of the surface."""
+    def alone(self) -> Alone:
+        """Measured points that are on no face of the surface."""
         if self.surface is None or not self.grids:
-            return np.zeros((0, 3))
+            return Alone(np.zeros((0, 3)), 0.0)
         return alone(np.concatenate([g.points[g.found] for g in self.grids]), self.surface)
 
     def findings(self, mesh: Mesh) -> list[Finding]:

@@ -114,7 +114,7 @@ def volume_sigma(
     - filled: what the fillings may be wrong by (`added_part`).
     - hollow: what bores and pockets behind them may take from it, where the ``source`` tells what
       was in sight (`hollow_sigma`).
-    - passed: what measured points that made no face, and that the fillings pass by, say of these
+    - passed: what measured points that are on no face, and that the fillings pass by, say of these
       (`passed_sigma`).
     - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
     - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of

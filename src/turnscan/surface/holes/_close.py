@@ -151,8 +151,10 @@ def _parted(before: Mesh, after: Mesh) -> bool:
     on a second, or most of them on none."""
     old, new = _piece_of(before), _piece_of(after)[: len(before.vertices)]
     there = old >= 0
-    size, gone = (np.bincount(old[k], minlength=old.max() + 1) for k in (there, there & (new < 0)))
-    if ((gone > _GONE * size) & (size > _CRUMB * size.sum())).any():
+    size, gone = (
+        np.bincount(old[k], minlength=old.max(initial=-1) + 1) for k in (there, there & (new < 0))
+    )
+    if ((gone > _GONE * size) & (size >= _CRUMB * size.sum())).any():
         return True
     there &= new >= 0
     pairs, count = np.unique(np.stack([old, new])[:, there], axis=1, return_counts=True)
