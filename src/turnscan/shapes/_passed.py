@@ -61,8 +61,8 @@ def alone(points: Floats, surface: Mesh) -> Alone:
     if not len(far):
         return Alone(far, side)
     reach = 2 * _FAR * side
-    last = cKDTree(far).query(far, _SUPPORT, distance_upper_bound=reach, workers=-1)[0][:, -1]
-    return Alone(far[np.isfinite(last)], side)
+    apart, _ = cKDTree(far).query(far, _SUPPORT, distance_upper_bound=reach, workers=-1)
+    return Alone(far[np.isfinite(np.asarray(apart)).all(axis=1)], side)
 
 
 def passed_by(mesh: Mesh, lone: Alone) -> Passed:
