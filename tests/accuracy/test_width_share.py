@@ -55,7 +55,7 @@ def test_points_without_a_profile_beside_state_what_they_err(groove):
 def test_it_tells_what_chords_tell_where_they_do(groove):
     """On what is even, chords and width are two measurements of the same; the width allows for a
     surface that is turned to the other side, and for a tenth more."""
-    for grid, _ in zip(*groove, strict=True):
+    for grid in groove[0]:
         found = grid.found & (grid.noise > 0.97 * grid.sigma)
         share = normal_sigma(replace(grid, width_share=None))[found] / grid.sigma[found]
         told = grid.width_share[found]

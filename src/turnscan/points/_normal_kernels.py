@@ -6,7 +6,16 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Longs, Singles
 from turnscan.compiled import njit
-from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, ray_of, vector, way
+from turnscan.points._wholeness_kernels import (
+    Vector,
+    beside,
+    cross,
+    dot,
+    less,
+    ray_of,
+    vector,
+    way,
+)
 
 _MOST = 12
 """Lines to either side that a tangent is taken over, at most."""
@@ -140,23 +149,23 @@ def by_width(
     for k in range(span[0], span[1]):
         for j in range(points.shape[1]):
             out[k, j] = np.nan
+            if not walk[k, j] > 0.0:
+                continue
             low, high = _run_of(points, k, j)
             before, after = way(points, k, low, k, j), way(points, k, j, k, high)
-            straight = dot(before, after) > _STRAIGHT * np.sqrt(
-                dot(before, before) * dot(after, after)
-            )
-            if not (straight and walk[k, j] > 0.0):
+            size = np.sqrt(dot(before, before) * dot(after, after))
+            if not dot(before, after) > _STRAIGHT * size:
                 continue
-            up, sheet = _less(after, before, -1.0), vector(sheets, k, j)
+            up, sheet = less(after, before, -1.0), vector(sheets, k, j)
             ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
             past = dot(sheet, ray)
             if past == 0.0:
                 continue  # the camera is in the sheet
-            along = _less(move, ray, dot(sheet, move) / past)
+            along = less(move, ray, dot(sheet, move) / past)
             size = np.sqrt(dot(along, along))
             best = 0.0
             for part in (1.0, -1.0, wider, -wider):
-                on = _less(move, ray, (dot(sheet, move) + part * walk[k, j]) / past)
+                on = less(move, ray, (dot(sheet, move) + part * walk[k, j]) / past)
                 normal = cross(up, on)
                 long = np.sqrt(dot(normal, normal)) * size
                 best = max(best, abs(dot(normal, along)) / long if long > 0.0 else 1.0)
@@ -173,12 +182,6 @@ def _run_of(points: Floats, k: int, j: int) -> tuple[int, int]:
         while high < min(points.shape[1] - 1, j + _RUN) and not np.isnan(points[k, high + 1, 0]):
             high += 1
     return low, high
-
-
-@njit(cache=True, nogil=True)
-def _less(a: Vector, b: Vector, share: float) -> Vector:
-    """a less a share of b."""
-    return a[0] - share * b[0], a[1] - share * b[1], a[2] - share * b[2]
 
 
 @njit(cache=True, nogil=True)
@@ -279,7 +282,7 @@ def shares(
                 if not far:
                     continue
                 v = way(points, k, j, m, j)
-                past = _less(past, v, -sign)
+                past = less(past, v, -sign)
                 beyond = np.hypot(beyond, doubt[0][m, j])
                 ends = doubt[0][k, j], doubt[0][m, j]
                 count += _of_side(ups, unsure, lines, v, move, ends, side[hand])

@@ -155,7 +155,7 @@ def way(points: Floats, k: int, j: int, m: int, i: int) -> Vector:
 
 
 @njit(cache=True, nogil=True)
-def _off(a: Vector, b: Vector, share: float) -> Vector:
+def less(a: Vector, b: Vector, share: float) -> Vector:
     """a less a share of b."""
     return a[0] - b[0] * share, a[1] - b[1] * share, a[2] - b[2] * share
 
@@ -301,11 +301,11 @@ def across(
                 there, normal = _normal(points, k, m, j, 1.0 - 2.0 * hand)
                 if not there:
                     continue
-                away = _off(move, ray, dot(normal, move) / dot(normal, ray))
+                away = less(move, ray, dot(normal, move) / dot(normal, ray))
                 walk[hand, k, j] = abs(dot(vector(sheets, k, j), away)) if far else np.inf
                 # Both as the camera sees them, square to the ray.
                 gap = way(points, k, j, m, j)
-                flat = _off(gap, ray, dot(gap, ray) / dot(ray, ray))
+                flat = less(gap, ray, dot(gap, ray) / dot(ray, ray))
                 side[hand, k, j] = 1.0 if dot(flat, move) > 0.0 else -1.0
                 reach = np.hypot(points[k, j, 0], points[k, j, 1])
                 turn = normal[1] * points[k, j, 0] - normal[0] * points[k, j, 1]
@@ -366,7 +366,7 @@ def further_in(
                 if not there:
                     continue
                 ray, move = ray_of(points, eyes, k, j), vector(moves, k, j)
-                away = _off(move, ray, dot(normal, move) / dot(normal, ray))
+                away = less(move, ray, dot(normal, move) / dot(normal, ray))
                 walk[hand, k, j] = abs(dot(vector(sheets, k, j), away))
 
 
@@ -487,7 +487,7 @@ def _line_on(normal: Vector, to: Vector, ray: Vector, move: Vector, sheet: Vecto
     for each mm across the sheet, px off the point at the sheet's middle, and the cosine under which
     it is seen."""
     facing = dot(normal, ray)
-    away = _off(move, ray, dot(normal, move) / facing)
+    away = less(move, ray, dot(normal, move) / facing)
     slope = 1.0 / dot(sheet, away)
     seen = abs(facing) / np.sqrt(dot(ray, ray))
     return slope, -dot(normal, to) / facing * dot(sheet, ray) * slope, seen

@@ -172,6 +172,12 @@ def _sample(mesh: Mesh, real: Bools, border: Ints) -> float:
     return float(np.median(height))
 
 
+def usual_side(triangles: Floats) -> float:
+    """mm: the usual side of triangles (f, 3, 3)."""
+    sides = triangles - np.roll(triangles, 1, axis=1)
+    return float(np.median(np.linalg.norm(sides, axis=2)))
+
+
 def border_normals(mesh: Mesh, known: Bools, real: Bools) -> Floats:
     """(v, 3) unit normals of what was measured; at its borders those of its own side of an edge.
 

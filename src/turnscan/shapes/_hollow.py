@@ -10,7 +10,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh import Caster, Mesh, measured_vertices, submesh, vector_areas
 from turnscan.points import working_volume
-from turnscan.shapes._added import border_normals, fillings
+from turnscan.shapes._added import border_normals, fillings, usual_side
 from turnscan.shapes._shared import View
 from turnscan.surface.holes import ScanCoverage, reached
 
@@ -87,8 +87,7 @@ def _places(mesh: Mesh, real: Bools) -> _Asked:
     area = vector_areas(mesh.triangles)
     size = np.linalg.norm(area, axis=1)
     middle = mesh.triangles.mean(axis=1)
-    sides = mesh.triangles[real] - np.roll(mesh.triangles[real], 1, axis=1)
-    sample = float(np.median(np.linalg.norm(sides, axis=2)))
+    sample = usual_side(mesh.triangles[real])
     measured = cKDTree(mesh.vertices[np.unique(mesh.faces[real])])
     out = [
         _Asked(

@@ -10,6 +10,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, sample_surface, submesh, vector_areas
+from turnscan.shapes._added import usual_side
 
 _FAR = 2.0
 """Usual sides of the surface from which on a point is on no face of it."""
@@ -53,8 +54,7 @@ def alone(points: Floats, surface: Mesh) -> Alone:
 
     if not len(points) or not len(surface.faces):
         return Alone(np.zeros((0, 3)), 0.0)
-    t = surface.triangles
-    side = float(np.median(np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2)))
+    side = usual_side(surface.triangles)
     tree = cKDTree(surface.vertices[np.unique(surface.faces)])
     off, _ = tree.query(points, distance_upper_bound=_FAR * side, workers=-1)
     far = points[np.isinf(off)]

@@ -79,4 +79,6 @@ def join_scans(
         "points.range-scans", "note", text, source.name, "for other units, give the unit"
     )
     said = (about, *findings, *made.findings)
-    return Reconstruction(tuple(made.grids), mesh, said, (), made.opened, (), caps, lost=made.lost)
+    return Reconstruction(
+        tuple(made.grids), mesh, said, (), made.opened, (), caps, lost=made.lost, merged=made.merged
+    )
